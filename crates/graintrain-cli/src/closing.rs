@@ -4,6 +4,7 @@ use crate::progress::passed;
 use graintrain_ccp::FrictionModel;
 use graintrain_ccp::residual::MIXED_MAXIMUM;
 use graintrain_io::output::summary::{RunStatus, Summary};
+use graintrain_io::quantity::Figures;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -57,13 +58,20 @@ fn at_the_end(summary: &Summary) -> String {
 /// A larger share of contacts that pressed though their bodies were apart is reported.
 const APART: f64 = 1e-3;
 
+/// Whether what is left undone is no matter of accuracy any more: a tenth of the steps, or a tenth of a body.
+fn is_wrong(summary: &Summary) -> bool {
+    let Figures { unconverged_steps, penetration_max_over_radius, .. } = summary.figures;
+    10 * unconverged_steps > summary.steps || penetration_max_over_radius > 0.1
+}
+
 /// Whether the answers are what was asked for, and how far from exact geometry they are.
 fn trust(summary: &Summary) -> String {
     let asked = number(summary.tolerance);
     let solved = match summary.figures.unconverged_steps {
-        0 => format!("every step met its tolerance ({asked})"),
-        missed => format!(
-            "not fully: {missed} of {} missed the tolerance ({asked}; {} at worst)",
+        0 => format!("every step reached its tolerance ({asked})"),
+        unconverged => format!(
+            "{}: {unconverged} of {} did not reach the tolerance ({asked}; {} at worst)",
+            if is_wrong(summary) { "no" } else { "not fully" },
             counted(summary.steps, "step", "steps"),
             number(summary.figures.residual_rms_max)
         ),

@@ -112,11 +112,11 @@ impl Log {
     }
 }
 
-/// Tells, each once, of the first step whose solve missed its tolerance, of the first bodies that passed into
+/// Tells, each once, of the first step whose solve did not reach its tolerance, of the first bodies that passed into
 /// each other and of the first deep overlap.
 #[derive(Default)]
 pub struct Warnings {
-    /// The first step whose solve missed its tolerance.
+    /// The first step whose solve did not reach its tolerance.
     unsolved: Option<u64>,
     /// The first step in which bodies passed into each other.
     passed: Option<u64>,
@@ -155,12 +155,12 @@ impl Warnings {
                     "its contact problem has no solution (jammed bodies). Try a shorter step"
                 }
                 _ => {
-                    "the step is made with the best impulses found. Try a shorter step, another --solver (auto, ipm) or a looser --tolerance"
+                    "the step is made with the best impulses found. Try a shorter step; a looser --tolerance where loads press much harder than weight"
                 }
             };
             let remark = solve.remark.as_ref().map_or(String::new(), |remark| format!("; {remark}"));
             warnings.push(format!(
-                "{place}: the solve missed the tolerance (residual {:.1e}, rms {:.1e}, {}{remark}): {cause}. `--strict` ends a run here, \
+                "{place}: the solve did not reach the tolerance (residual {:.1e}, rms {:.1e}, {}{remark}): {cause}. `--strict` ends a run here, \
                  `--dump-problem every={step}` keeps the problem",
                 solve.residual.max,
                 solve.residual.rms,
@@ -191,7 +191,7 @@ impl Warnings {
             (Some(step), _) => {
                 format!("Bodies have passed into each other since step {step}: a shorter step (time.step) keeps them apart")
             }
-            (None, Some(step)) => format!("Solves have missed their tolerance since step {step}, see there"),
+            (None, Some(step)) => format!("Solves have not reached their tolerance since step {step}, see there"),
             (None, None) if found.closing > CLOSING => format!(
                 "Velocities left over at contacts make {:.1} % in this step alone: a smaller --tolerance removes them",
                 100.0 * found.closing
@@ -203,7 +203,7 @@ impl Warnings {
                 "It was there at the start: see contact.allowed_overlap, and how the bodies are placed".to_string()
             }
             (None, None) => {
-                "It has come about over several steps in which no solve missed its tolerance and no contact was missed: a smaller \
+                "It has come about over several steps in which every solve reached its tolerance and no contact was undetected: a smaller \
                  --tolerance leaves less per step"
                     .to_string()
             }
@@ -278,11 +278,11 @@ mod tests {
         let deep = warnings.of(13, 0.325, &good, overlap(0.11));
         assert_eq!(deep.len(), 1);
         assert!(deep[0].contains("step 13 (t = 0.325") && deep[0].contains("11 %"), "{deep:?}");
-        let missed = warnings.of(14, 0.35, &bad, overlap(2.0));
-        assert_eq!(missed.len(), 1);
+        let unconverged = warnings.of(14, 0.35, &bad, overlap(2.0));
+        assert_eq!(unconverged.len(), 1);
         assert!(
-            missed[0].contains("step 14") && missed[0].contains("1.4e-1, rms 1.4e-1, stalled"),
-            "{missed:?}"
+            unconverged[0].contains("step 14") && unconverged[0].contains("1.4e-1, rms 1.4e-1, stalled"),
+            "{unconverged:?}"
         );
         assert!(warnings.of(15, 0.375, &bad, overlap(3.0)).is_empty());
         let through = warnings.of(16, 0.4, &bad, Found { contacts_missed: 3, ..overlap(3.0) });
@@ -310,7 +310,7 @@ mod tests {
             reported(&good, Found { contacts_missed: 1, ..deep })
                 .contains("passed into each other since step 7")
         );
-        assert!(reported(&bad, deep).contains("missed their tolerance since step 7"));
+        assert!(reported(&bad, deep).contains("have not reached their tolerance since step 7"));
         let left = reported(&good, Found { closing: 0.034, ..deep });
         assert!(left.contains("3.4 %") && left.contains("smaller --tolerance"), "{left}");
     }

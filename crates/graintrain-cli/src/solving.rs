@@ -29,7 +29,7 @@ pub struct Options {
     /// Print JSON instead of a table
     #[arg(long)]
     pub json: bool,
-    /// Exit with code 1 where a tolerance is missed
+    /// Exit with code 1 where a tolerance is not reached
     #[arg(long)]
     pub strict: bool,
 }

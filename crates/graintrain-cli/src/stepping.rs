@@ -28,7 +28,7 @@ pub struct SteppingOptions {
     /// Print nothing but warnings and errors
     #[arg(long)]
     pub quiet: bool,
-    /// End with exit code 1 at the first step whose solve misses its tolerance
+    /// End with exit code 1 at the first step whose solve does not reach its tolerance
     #[arg(long)]
     pub strict: bool,
     /// Stop in good order after so many seconds of wall clock, with exit code 3: the step under way is
@@ -113,7 +113,7 @@ pub fn make_steps(
         }
         (Err(error), None) => Err(Failure::work_error(error, "")),
         (Ok(ending), Some((folder, summary))) => summary.map_err(output_failure).map(|summary| {
-            warn(&run, &summary);
+            warn(&summary);
             if ending == Ending::Stopped && run.world.step == first_step && options.max_seconds.is_some() {
                 tell!("warning: no step was finished in the time given by --max-seconds: a longer one");
             }
@@ -168,7 +168,7 @@ fn remedy(error: &RunError, folder: &Path, is_saved: bool) -> String {
         RunError::Output(error) => error.remedy().to_string(),
         RunError::RanksDisagree { .. } => "give every rank the same program and the same files".to_string(),
         _ if !is_saved => format!("the state could not be written to {shown} either"),
-        RunError::ToleranceMissed { .. } => format!(
+        RunError::NotConverged { .. } => format!(
             "try another --solver or a larger --tolerance; the state is saved in {shown}, \
              and `graintrain resume {shown}` goes on without --strict"
         ),
@@ -185,19 +185,18 @@ pub fn output_failure(error: OutputError) -> Failure {
 }
 
 /// Warns of what was not as it was asked for.
-fn warn(run: &Run, summary: &Summary) {
-    warn_of_missed_tolerance(summary);
-    warn_of_missed_contacts(summary);
+fn warn(summary: &Summary) {
+    warn_of_unconverged_steps(summary);
+    warn_of_bodies_that_passed(summary);
     if summary.status == RunStatus::Finished {
-        let stages: Vec<&str> = run.settings.stages.iter().map(|stage| stage.name.as_str()).collect();
-        warn_of_what_is_missing(summary, &stages);
+        warn_of_what_is_missing(summary);
     }
 }
 
-fn warn_of_missed_tolerance(summary: &Summary) {
+fn warn_of_unconverged_steps(summary: &Summary) {
     if summary.figures.unconverged_steps > 0 {
         tell!(
-            "warning: {} of {} steps missed the tolerance {:.0e}, the worst residual is {:.1e} (rms {:.1e}; {:.1e} in impacts): see \
+            "warning: {} of {} steps did not reach the tolerance {:.0e}, the worst residual is {:.1e} (rms {:.1e}; {:.1e} in impacts): see \
              the columns status, residual, residual_rms and impact_residual of steps.csv",
             summary.figures.unconverged_steps,
             summary.steps,
@@ -209,7 +208,7 @@ fn warn_of_missed_tolerance(summary: &Summary) {
     }
 }
 
-fn warn_of_missed_contacts(summary: &Summary) {
+fn warn_of_bodies_that_passed(summary: &Summary) {
     if summary.figures.contacts_missed > 0 {
         let first = summary
             .figures
@@ -225,11 +224,10 @@ fn warn_of_missed_contacts(summary: &Summary) {
 }
 
 /// Stages that the time did not suffice for, and streams that found no place.
-fn warn_of_what_is_missing(summary: &Summary, stages: &[&str]) {
-    let begun = summary.stages.len();
-    if begun < stages.len() {
-        let never: Vec<String> = stages[begun..].iter().map(|name| format!("`{name}`")).collect();
-        let open = stages.get(begun.wrapping_sub(1)).copied().unwrap_or_default();
+fn warn_of_what_is_missing(summary: &Summary) {
+    if !summary.stages_left.is_empty() {
+        let never: Vec<String> = summary.stages_left.iter().map(|name| format!("`{name}`")).collect();
+        let open = summary.stages.last().map_or("", |stage| stage.name.as_str());
         tell!(
             "warning: stage `{open}` had not ended when the time of the run was over, so {} never began. A longer `time.end`, or a \
              `time` for that stage",

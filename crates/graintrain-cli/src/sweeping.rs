@@ -1,5 +1,6 @@
 //! What `sweep`, the studies and `calibrate` share: options, progress, failures, the end.
 
+use crate::closing::counted;
 use crate::error::Failure;
 use crate::progress::LINE_EVERY;
 use crate::scene_failure::scene_failure;
@@ -8,7 +9,7 @@ use crate::terminal::{say, tell};
 use graintrain_io::mark::Loss;
 use graintrain_io::scene;
 use graintrain_lab::sweep::SweepError;
-use graintrain_lab::sweep::collect::{Collected, check_names, collect};
+use graintrain_lab::sweep::collect::{Collected, Sample, check_names, collect};
 use graintrain_lab::sweep::execute::{Execution, Outcome, Progress, check, execute};
 use graintrain_lab::sweep::plan::{Cell, Plan};
 use graintrain_lab::sweep::report::{shown, with_error};
@@ -183,10 +184,11 @@ impl SweepOptions {
         let how = self.runs.execution(kind);
         let how = Execution { jobs: how.jobs.min(cells.len()), ..how };
         if !self.runs.quiet {
-            let (points, seeds) = (plan.points.len(), plan.seeds);
             say!(
-                "{} runs ({points} points, {seeds} seeds), {} at a time -> {}\n",
-                cells.len(),
+                "{} ({}, {}), {} at a time -> {}\n",
+                counted(cells.len() as u64, "run", "runs"),
+                counted(plan.points.len() as u64, "point", "points"),
+                counted(plan.seeds, "seed", "seeds"),
                 how.jobs,
                 how.folder.display()
             );
@@ -221,6 +223,28 @@ impl Made {
         self.quiet
     }
 
+    /// Warns of means that are not of the state that they are to be of.
+    fn warn_of_other_moments(&self) {
+        let runs = self.cells.len();
+        let samples = || self.collected.samples.iter().flatten();
+        let left: Vec<&[String]> =
+            samples().map(|sample| sample.stages_left.as_slice()).filter(|left| !left.is_empty()).collect();
+        if let Some([first, ..]) = left.first() {
+            tell!(
+                "warning: in {} of {runs} runs the stage `{first}` never began: their figures are those of the stages before it. A longer \
+                 `time.end`, or a `time` for the stage before",
+                left.len()
+            );
+        }
+        let is_unsteady = |sample: &&Sample| self.names.iter().any(|name| sample.unsteady.contains(name));
+        let unsteady = samples().filter(is_unsteady).count();
+        if unsteady > 0 && !self.quiet {
+            tell!(
+                "note: in {unsteady} of {runs} runs a mean above is over records that are not known to be steady; the errors do not tell of that"
+            );
+        }
+    }
+
     /// Prints the table of the points, and where everything is.
     pub fn conclude(&self) -> ExitCode {
         if !self.quiet {
@@ -237,6 +261,7 @@ impl Made {
             }
             say!("\n  {}: sweep.html, sweep.csv, runs.csv, columns.json, runs/\n", self.folder.display());
         }
+        self.warn_of_other_moments();
         if self.failed > 0 {
             tell!(
                 "warning: {} of {} runs failed and are left out of all means",

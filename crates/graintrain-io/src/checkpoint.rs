@@ -111,7 +111,7 @@ pub enum CheckpointError {
 /// Why there are no checkpoints in the folder: a name that is mistyped, or a folder that no run has made.
 fn what_lacks(folder: &Path) -> String {
     match folder.parent().filter(|run| !run.as_os_str().is_empty()) {
-        Some(run) if !run.exists() => format!("there is no {}", run.display()),
+        Some(run) if !run.exists() => format!("there is no file or folder `{}`", run.display()),
         _ => format!("there is no checkpoint in {}", folder.display()),
     }
 }

@@ -147,12 +147,12 @@ pub enum RunError {
     /// A step could not be made.
     #[error(transparent)]
     Step(#[from] StepError),
-    /// A solve missed its tolerance, which [`Run::strict`] forbids.
+    /// A solve did not reach its tolerance, which [`Run::strict`] forbids.
     #[error(
         "step {step}: {solver} stopped above the tolerance {tolerance:.2e} {}, at residual {residual:.2e}, rms {residual_rms:.2e}",
         tolerance_rule(*criterion)
     )]
-    ToleranceMissed {
+    NotConverged {
         /// Number of the step.
         step: u64,
         /// Solver.
@@ -196,7 +196,7 @@ pub struct Run {
     pub settings: RunSettings,
     /// The run so far.
     pub totals: RunTotals,
-    /// Whether a solve that misses its tolerance ends the run.
+    /// Whether a solve that does not reach its tolerance ends the run.
     pub strict: bool,
     stepper: Stepper,
     /// Looks for free places.
@@ -287,7 +287,7 @@ impl Run {
             if self.strict && !report.solve.converged() {
                 // Contacts within the tolerance: then it was the impacts.
                 let residual = report.solve.residual.worse(report.impact_residual);
-                return Err(RunError::ToleranceMissed {
+                return Err(RunError::NotConverged {
                     step: self.world.step,
                     solver: report.solve.solver,
                     residual: residual.max,

@@ -454,7 +454,7 @@ fn study(scene: &mut Scene, friction: FrictionModel, model: &'static str) -> Res
             tolerance,
             bodies: (0..world.bodies.len()).filter(|&body| !world.is_prescribed(body)).count(),
             contacts: found.len(),
-            status: if report.solve.status == Status::Converged { "converged" } else { "missed" },
+            status: if report.solve.status == Status::Converged { "converged" } else { "unconverged" },
             residual: [report.solve.residual.rms, report.solve.residual.max],
             reference: tight.residual.measured(Criterion::Mixed),
             iterations: report.solve.iterations,
@@ -483,9 +483,9 @@ fn study(scene: &mut Scene, friction: FrictionModel, model: &'static str) -> Res
     }
     eprintln!("{} {model}: single steps after {:.1} s", scene.name, begin.elapsed().as_secs_f64());
     let right = run(scene, REFERENCE, friction)?;
-    let missed = right.1.iter().filter(|moment| !moment.solved).count();
+    let unconverged = right.1.iter().filter(|moment| !moment.solved).count();
     eprintln!(
-        "{} {model}: tight run after {:.1} s, {missed} missed",
+        "{} {model}: tight run after {:.1} s, {unconverged} unconverged",
         scene.name,
         begin.elapsed().as_secs_f64()
     );
@@ -558,7 +558,7 @@ fn markdown(rows: &[(usize, Row)]) -> String {
         x => format!("{x:.0} %"),
     };
     for (_, row) in rows.iter().filter(|(_, row)| SHOWN.contains(&row.tolerance)) {
-        let mark = if row.status == "converged" { "" } else { " (missed)" };
+        let mark = if row.status == "converged" { "" } else { " (unconverged)" };
         let _ = writeln!(
             text,
             "| {} | {} | {:.0e}{mark} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |",

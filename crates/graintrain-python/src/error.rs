@@ -39,9 +39,9 @@ pub mod exception {
     );
     create_exception!(
         graintrain,
-        ToleranceMissed,
+        NotConverged,
         StepError,
-        "A solve missed its tolerance, which strict=True forbids."
+        "A solve did not reach its tolerance, which strict=True forbids."
     );
     create_exception!(
         graintrain,
@@ -110,7 +110,7 @@ impl Raise for RunError {
         match self {
             Self::Step(error) => error.raise(),
             Self::Output(error) => error.raise(),
-            error => exception::ToleranceMissed::new_err(error.to_string()),
+            error => exception::NotConverged::new_err(error.to_string()),
         }
     }
 }

@@ -52,7 +52,7 @@ fn _graintrain(module: &Bound<'_, PyModule>) -> PyResult<()> {
         ("SceneError", py.get_type::<raised::SceneError>()),
         ("ModelError", py.get_type::<raised::ModelError>()),
         ("StepError", py.get_type::<raised::StepError>()),
-        ("ToleranceMissed", py.get_type::<raised::ToleranceMissed>()),
+        ("NotConverged", py.get_type::<raised::NotConverged>()),
         ("ProblemError", py.get_type::<raised::ProblemError>()),
         ("CheckpointError", py.get_type::<raised::CheckpointError>()),
         ("TrainError", py.get_type::<raised::TrainError>()),

@@ -289,6 +289,6 @@ def test_settings_can_be_changed(drop):
 
 def test_strict_runs_raise():
     world = ball_pile(3, tolerance=1e-14, max_iterations=1, solver="pgs")
-    with pytest.raises(graintrain.ToleranceMissed, match="residual"):
+    with pytest.raises(graintrain.NotConverged, match="residual"):
         world.run(1.0, strict=True)
-    assert isinstance(graintrain.ToleranceMissed("x"), graintrain.StepError)
+    assert isinstance(graintrain.NotConverged("x"), graintrain.StepError)

@@ -146,7 +146,7 @@ impl Stepper {
     /// bodies are not driven, but for [`StepReport::correction_energy`]: impacts make none, and the contact
     /// problem takes `1/2 |v+ - v|_M^2 - g . (D^T v+)`, of which the second term is made not to be positive.
     ///
-    /// A solve that misses its tolerance is no error: see [`StepReport::solve`].
+    /// A solve that does not reach its tolerance is no error: see [`StepReport::solve`].
     ///
     /// # Errors
     /// [`StepError::NotFinite`], [`StepError::Meshes`], [`StepError::Cell`], [`StepError::Solver`] or

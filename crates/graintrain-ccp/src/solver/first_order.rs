@@ -61,7 +61,7 @@ pub struct Parameters {
     /// cent of the work.
     pub refresh: usize,
     /// A start may miss the tolerance by this factor on a few contacts and still be looked at on all
-    /// (docs/solvers.md, "Nothing has moved").
+    /// (docs/solvers.md, "Early exit").
     pub near: f64,
     /// Iterations without which a further stage is not worth the packing.
     pub least_iterations: usize,

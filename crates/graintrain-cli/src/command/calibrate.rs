@@ -1,5 +1,6 @@
 //! `graintrain calibrate`: parameters of a scene from what was measured.
 
+use crate::closing::counted;
 use crate::error::Failure;
 use crate::signal::Stop;
 use crate::sweeping::{RunsOptions, ended, sweep_failure};
@@ -69,7 +70,8 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     if !arguments.runs.quiet {
         let seeds = question.plan.seeds;
         say!(
-            "up to {most_points} points, {seeds} seeds each, {} at a time -> {}\n",
+            "up to {most_points} points, {} each, {} at a time -> {}\n",
+            counted(seeds, "seed", "seeds"),
             how.jobs,
             how.folder.display()
         );

@@ -103,7 +103,8 @@ fn summary(scene: &Scene, simulation: &Simulation) -> String {
     };
     let rule = graintrain_io::run::tolerance_rule(solver.criterion);
     line("solver", format!("{} to {:e} {rule}, {law} friction{limit}", solver.name, solver.step_tolerance()));
-    let frames = steps / simulation.output.every;
+    // That of the start, and that of the end where it is none of the others.
+    let frames = 1 + steps.div_ceil(simulation.output.every);
     line("output", format!("{frames} frames, one in {} steps", simulation.output.every));
     for doubt in doubts(simulation) {
         line("doubtful", doubt);

@@ -91,8 +91,8 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         tell!("{left_out} of {} files left out, see above", files.len() + left_out);
         return Ok(ExitCode::from(2));
     }
-    let missed = arguments.options.strict && records.iter().any(|record| !record.converged);
-    Ok(if missed { ExitCode::from(1) } else { ExitCode::SUCCESS })
+    let unconverged = arguments.options.strict && records.iter().any(|record| !record.converged);
+    Ok(if unconverged { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
 
 /// Reads all problems before the first solve, each with its name in tables. What cannot be read is reported
@@ -239,7 +239,7 @@ fn solve_all(
             if stop.exit_code().is_some() {
                 break;
             }
-            // Where the machine was busy a repetition may have missed its time limit.
+            // Where the machine was busy a repetition may have run out of its time.
             let is_better = |best: &Record| {
                 record.converged && !best.converged
                     || record.converged == best.converged && record.cost() < best.cost()

@@ -6,6 +6,7 @@ use crate::terminal::{say, tell};
 use graintrain::world::World;
 use graintrain_io::checkpoint;
 use graintrain_io::files::write_atomically;
+use graintrain_io::scene;
 use graintrain_view::render::{ColorBy, RenderError, RenderSettings, render};
 use graintrain_view::view::{RunFolder, ViewError};
 use std::path::{Path, PathBuf};
@@ -24,8 +25,8 @@ use std::process::ExitCode;
 pub struct Arguments {
     /// Folder of a run, or a checkpoint
     run: PathBuf,
-    /// Time of the frame, s: the nearest one is taken; by default the last
-    #[arg(long, value_name = "SECONDS", value_parser = finite, allow_negative_numbers = true)]
+    /// Time of the frame, in seconds or with a unit: the nearest one is taken; by default the last
+    #[arg(long, value_name = "SECONDS", value_parser = time, allow_hyphen_values = true)]
     time: Option<f64>,
     /// What colours stand for: speed, force, radius, id
     #[arg(long, default_value = "speed")]
@@ -53,9 +54,11 @@ pub struct Arguments {
     speed: f64,
 }
 
-fn finite(text: &str) -> Result<f64, String> {
-    let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
-    value.ok_or_else(|| "expected a number of seconds".to_string())
+fn time(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds.is_finite() => Ok(seconds),
+        _ => scene::seconds(text),
+    }
 }
 
 fn png(text: &str) -> Result<PathBuf, String> {

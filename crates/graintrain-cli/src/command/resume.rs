@@ -1,5 +1,6 @@
 //! `graintrain resume`: go on with a run that was stopped or killed.
 
+use crate::closing::counted;
 use crate::crew::Crew;
 use crate::error::Failure;
 use crate::solving;
@@ -57,9 +58,9 @@ pub fn execute(arguments: &Arguments, crew: &Crew) -> Result<ExitCode, Failure> 
     }
     if !arguments.stepping.quiet {
         say!(
-            "{}: {} bodies, going on after step {} of {} in {}\n",
+            "{}: {}, going on after step {} of {} in {}\n",
             run.settings.scene,
-            run.world.bodies.len(),
+            counted(run.world.bodies.len() as u64, "body", "bodies"),
             run.world.step,
             run.settings.steps,
             arguments.folder.display()

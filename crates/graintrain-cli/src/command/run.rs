@@ -1,5 +1,6 @@
 //! `graintrain run`: simulate a scene.
 
+use crate::closing::counted;
 use crate::crew::Crew;
 use crate::error::Failure;
 use crate::scene_failure::scene_failure;
@@ -19,7 +20,7 @@ use std::process::ExitCode;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  graintrain run sedimentation --set n=4 --steps 120\n  \
     graintrain run mine.toml --out results/mine --solver apgd --tolerance 1e-5\n\n\
-    Exit codes: 0 done; 1 the run failed, or a solve missed its tolerance under --strict; 2 bad input; 3 the time of --max-seconds \
+    Exit codes: 0 done; 1 the run failed, or a solve did not reach its tolerance under --strict; 2 bad input; 3 the time of --max-seconds \
     was up (as after a signal); 130/143/129 stopped by Ctrl-C, SIGTERM, SIGHUP (a checkpoint is written: `graintrain resume DIR` goes on; SIGUSR1 writes one and \
     goes on by itself)")]
 pub struct Arguments {
@@ -161,10 +162,10 @@ fn record(
     })?;
     if !arguments.stepping.quiet {
         say!(
-            "{}: {} bodies, {} steps of {} s, {} to residual {:.0e} -> {}\n",
+            "{}: {}, {} of {} s, {} to residual {:.0e} -> {}\n",
             settings.scene,
-            world.bodies.len(),
-            settings.steps,
+            counted(world.bodies.len() as u64, "body", "bodies"),
+            counted(settings.steps, "step", "steps"),
             settings.stepping.step,
             settings.stepping.solver.name,
             settings.stepping.solver.step_tolerance(),

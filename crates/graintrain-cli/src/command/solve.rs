@@ -74,8 +74,8 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     if let Some(code) = stop.exit_code() {
         return Ok(code);
     }
-    let missed = arguments.options.strict && !outcome.record.converged;
-    Ok(if missed { ExitCode::from(1) } else { ExitCode::SUCCESS })
+    let unconverged = arguments.options.strict && !outcome.record.converged;
+    Ok(if unconverged { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
 
 /// The answer for people.

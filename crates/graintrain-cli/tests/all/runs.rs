@@ -345,13 +345,13 @@ fn completions_and_manual_pages_name_every_command() {
 }
 
 #[test]
-fn strict_runs_fail_where_a_tolerance_is_missed() {
+fn strict_runs_fail_where_a_tolerance_is_not_reached() {
     let folder = folder();
     let hard = ["--set", "solver.max_iterations=2", "--tolerance", "1e-9", "--quiet"];
     let mut arguments = vec!["run", "balls.toml", "--out", "a"];
     arguments.extend(hard);
     let (_, err) = ended(graintrain(folder.path(), &arguments), 0);
-    assert!(err.contains("missed the tolerance"), "{err}");
+    assert!(err.contains("did not reach the tolerance"), "{err}");
     arguments.extend(["--strict", "--force"]);
     let (_, err) = ended(graintrain(folder.path(), &arguments), 1);
     assert!(err.contains("above the tolerance") && err.contains("graintrain resume a"), "{err}");

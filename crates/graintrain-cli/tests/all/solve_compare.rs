@@ -72,7 +72,7 @@ fn solution_files_do_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
-fn a_missed_tolerance_is_exit_code_1_only_when_strict() {
+fn an_unconverged_solve_is_exit_code_1_only_when_strict() {
     let folder = Folder::new();
     let arguments = ["solve", "two.dat", "--solver", "pgs", "--tolerance", "1e-30", "--max-seconds", "0.05"];
     assert_eq!(folder.graintrain(&arguments).status.code(), Some(0));

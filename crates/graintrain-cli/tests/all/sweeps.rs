@@ -74,7 +74,7 @@ fn a_grid_of_sliding_blocks() {
         ["sweep", "slide.toml", "--over", "mu=0.3,0.5", "--over", "speed=1 m/s,0.5 m/s", "--out", "s"];
     let (out, _) =
         ended(folder.path(), &[arguments.as_slice(), &["--observe", "block.centre_x:last"]].concat(), 0);
-    assert!(out.contains("4 runs (4 points, 1 seeds)") && out.contains("mu=0.5, speed=0.5 m/s"), "{out}");
+    assert!(out.contains("4 runs (4 points, 1 seed)") && out.contains("mu=0.5, speed=0.5 m/s"), "{out}");
     let table = Csv::read(&folder.path().join("s/sweep.csv"));
     let (mu, way) = (table.numbers("mu"), table.numbers("block.centre_x:last"));
     assert_eq!(mu, [0.3, 0.3, 0.5, 0.5]);
@@ -262,4 +262,15 @@ fn everything_is_looked_at_before_the_first_run() {
     std::fs::write(&path, text.replacen("\n2,", "\n2,7,", 1)).unwrap();
     let (_, err) = ended(at, &[&["sweep", "slide.toml", "--out", "s"], observe.as_slice()].concat(), 1);
     assert!(err.contains("block.csv") && err.contains("damaged"), "{err}");
+}
+
+/// Means over runs whose last stage never began are of another state: the sweep says so.
+#[test]
+fn a_sweep_tells_of_stages_that_never_began() {
+    let folder = folder();
+    let stages = "[[stage]]\nname = \"settle\"\nkinetic_energy = \"1e-30 J\"\n[[stage]]\nname = \"press\"\n";
+    std::fs::write(folder.path().join("staged.toml"), format!("{RAIN}{stages}")).unwrap();
+    let arguments = ["sweep", "staged.toml", "--seeds", "2", "--out", "s", "--observe", "all.coordination"];
+    let (_, err) = ended(folder.path(), &arguments, 0);
+    assert!(err.contains("in 2 of 2 runs the stage `press` never began"), "{err}");
 }

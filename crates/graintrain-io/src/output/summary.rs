@@ -23,7 +23,7 @@ pub enum RunStatus {
     Finished,
     /// Somebody asked it to stop.
     Stopped,
-    /// A step or an output failed, or a solve missed its tolerance where that was forbidden.
+    /// A step or an output failed, or a solve did not reach its tolerance where that was forbidden.
     Failed,
 }
 
@@ -90,6 +90,9 @@ pub struct Summary {
     /// The stages that have begun.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stages: Vec<StageRecord>,
+    /// Names of those that had not begun.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stages_left: Vec<String>,
     /// What came through streams.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub streams: Vec<StreamSummary>,
@@ -233,6 +236,7 @@ impl Summary {
             overlap_corrected_max_over_radius: figures.overlap_corrected_max / radius,
             figures: figures.clone(),
             stages: totals.stages.clone(),
+            stages_left: settings.stages.iter().skip(totals.stages.len()).map(|s| s.name.clone()).collect(),
             streams: StreamSummary::of(settings, totals),
             outlets: OutletSummary::of(settings, totals),
             kinetic_energy: world.kinetic_energy(),

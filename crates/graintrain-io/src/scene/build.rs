@@ -85,7 +85,7 @@ impl Scene {
             builder.add_packing(name, packing, self)?;
         }
         for (name, load) in &self.loads {
-            builder.add_load(name, load)?;
+            builder.add_load(name, load, self)?;
         }
         for (name, joint) in &self.joints {
             builder.add_joint(name, joint, &self.joints)?;
@@ -100,11 +100,13 @@ impl Scene {
             .map(|(name, spec)| builder.measure(name, spec, self))
             .collect::<Result<_, SceneError>>()?;
         let stages = builder.stages(self, &measures)?;
+        let later_free = !builder.freed_by_stages(self).is_empty();
         let Builder { mut world, smallest_radius, origins, .. } = builder;
         if world.bodies.is_empty() && open_boundaries.streams.is_empty() {
             return Err(SceneError::new(SceneErrorKind::NoBodies, None));
         }
         if open_boundaries.streams.is_empty()
+            && !later_free
             && !(0..world.bodies.len()).any(|body| !world.is_prescribed(body))
         {
             return Err(SceneError::new(SceneErrorKind::NothingMoves, None));
@@ -434,9 +436,10 @@ impl Builder {
         Ok(())
     }
 
-    fn add_load(&mut self, name: &str, spec: &LoadSpec) -> Result<(), SceneError> {
+    fn add_load(&mut self, name: &str, spec: &LoadSpec, scene: &Scene) -> Result<(), SceneError> {
         let bodies = self.bodies_named(&spec.bodies, &spec.packings);
-        let moves = |body: &BodyId| !self.world.is_prescribed(body.index());
+        let freed = self.freed_by_stages(scene);
+        let moves = |body: &BodyId| !self.world.is_prescribed(body.index()) || freed.contains(body);
         if bodies.as_ref().is_some_and(|bodies| !bodies.iter().any(moves)) {
             let problem =
                 format!("`load.{name}` acts on nothing that can move: `free` its degrees of freedom");

@@ -246,7 +246,7 @@ fn strict_runs_end_where_a_solve_misses_its_tolerance() {
     let mut run = Run::new(world(), settings, RunTotals::default(), never()).unwrap();
     run.strict = true;
     match run.advance(&mut []) {
-        Err(RunError::ToleranceMissed { step, residual, .. }) => {
+        Err(RunError::NotConverged { step, residual, .. }) => {
             assert_eq!(step, run.world.step);
             assert!(residual > 1e-12);
         }

@@ -98,6 +98,27 @@ fn the_point_of_a_force_is_in_the_frame_of_the_body() {
     std::fs::remove_dir_all(folder).unwrap();
 }
 
+/// A load may act on a body that only a later stage lets move.
+#[test]
+fn loads_act_on_bodies_that_a_stage_frees() {
+    let folder = folder("freed");
+    let scene = r#"
+[time]
+step = "10 ms"
+end = "1 s"
+[body.piston]
+shape = { box = { size = [0.1, 0.1, 0.1] } }
+motion = "fixed"
+[load.press]
+bodies = ["piston"]
+force = [0, 0, -3]
+"#;
+    assert!(build(scene, &folder).unwrap_err().contains("acts on nothing that can move"));
+    let stage = "[[stage]]\nname = \"press\"\nbody = { piston = { motion = { free = [\"z\"] } } }\n";
+    build(&format!("{scene}{stage}"), &folder).unwrap();
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
 #[test]
 fn mistakes_in_loads_are_reported() {
     let folder = folder("mistakes");

@@ -45,10 +45,10 @@ pub enum Life {
 /// What a linear solver needed for the systems that it was given.
 #[derive(Clone, Default)]
 pub struct Tally {
-    /// Systems that it prepared itself for; that it solved; whose solves missed their tolerance.
+    /// Systems that it prepared itself for; that it solved; whose solves did not reach their tolerance.
     pub systems: usize,
     pub solved: usize,
-    pub missed: usize,
+    pub unconverged: usize,
     /// Inner iterations of all solves.
     pub inner: usize,
     /// Processor seconds to prepare for the first system of all, with the pattern of the matrix; for each
@@ -75,7 +75,7 @@ impl Tally {
 
     fn add_solve(&mut self, seconds: f64, inner: usize, residual: f64, converged: bool) {
         self.solved += 1;
-        self.missed += usize::from(!converged);
+        self.unconverged += usize::from(!converged);
         self.inner += inner;
         self.apply += seconds;
         self.residual = self.residual.max(residual);
@@ -92,9 +92,9 @@ impl Tally {
     }
 
     /// Processor seconds of a whole solve with this many systems, from the mean of those that were sampled;
-    /// `None` where one failed or missed its tolerance.
+    /// `None` where one failed or did not reach its tolerance.
     pub fn whole(&self, systems: usize) -> Option<f64> {
-        let good = self.solved > 0 && self.missed == 0 && self.failure.is_none();
+        let good = self.solved > 0 && self.unconverged == 0 && self.failure.is_none();
         let further = systems.saturating_sub(1) as f64;
         good.then(|| {
             let later = self.later().unwrap_or(self.first);

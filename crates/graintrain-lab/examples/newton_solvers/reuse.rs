@@ -24,7 +24,7 @@ pub fn reuse(
 ) -> Result<(), Failure> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     println!(
-        "| solver | re-use over | steps | contacts | systems | precompute of a step's first system, s | precompute, s per system | compression error | residual of the inversion | rank | rank of inverse | solved | missed | inner per solve |\n\
+        "| solver | re-use over | steps | contacts | systems | precompute of a step's first system, s | precompute, s per system | compression error | residual of the inversion | rank | rank of inverse | solved | unconverged | inner per solve |\n\
          |---|---|---|---|---|---|---|---|---|---|---|---|---|---|"
     );
     pool.install(|| {
@@ -52,7 +52,7 @@ pub fn reuse(
                 tally.figure("rank_matrix"),
                 tally.figure("rank_inverse"),
                 tally.solved,
-                tally.missed,
+                tally.unconverged,
                 tally.inner as f64 / tally.solved.max(1) as f64,
             );
         }

@@ -17,7 +17,7 @@ pub fn systems(
     limit: f64,
 ) -> Result<(), Failure> {
     println!(
-        "| problem | contacts | solver | systems | first precompute, s | precompute, s per system | solved | missed | inner per solve | s per solve | worst residual | rank | rank of inverse | error | captured |\n\
+        "| problem | contacts | solver | systems | first precompute, s | precompute, s per system | solved | unconverged | inner per solve | s per solve | worst residual | rank | rank of inverse | error | captured |\n\
          |---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"
     );
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
@@ -70,7 +70,7 @@ fn row(problem: &str, contacts: usize, solver: &str, tally: &Tally) -> String {
         short(tally.first),
         tally.later().map_or("-".to_string(), short),
         tally.solved,
-        tally.missed,
+        tally.unconverged,
         per_solve(tally.inner as f64),
         per_solve(tally.apply),
         tally.residual,

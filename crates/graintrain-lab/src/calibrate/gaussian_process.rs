@@ -263,9 +263,9 @@ impl GaussianProcess {
         if all < 0.5 * self.values.len() as f64 {
             return 0.0;
         }
-        let missed: f64 =
+        let left: f64 =
             self.leave_one_out().iter().map(|(distance, _)| (distance / self.scale).powi(2)).sum();
-        1.0 - missed / all
+        1.0 - left / all
     }
 }
 

@@ -16,8 +16,8 @@ const COUNTING: f64 = 400.0;
 const NEGLIGIBLE: f64 = 14.0;
 /// Share of a correlation that is not believed: there are few runs to know it from.
 const UNBELIEVED: f64 = 0.1;
-/// Sum of squares per aim from which on the aims are said to be missed.
-pub(super) const MISSED: f64 = 9.0;
+/// Sum of squares per aim from which on the aims are said not to be reached.
+pub(super) const NOT_REACHED: f64 = 9.0;
 /// Runs go where the likelihood to this power times what the surrogate does not know is largest: to the
 /// flanks, too, not the top alone.
 const TEMPER: f64 = 0.5;
@@ -138,7 +138,7 @@ impl Surrogates {
     /// errors that are the same everywhere.
     pub fn distribution(&self) -> Distribution {
         let found = self.look(1.0, None);
-        let limit = MISSED * self.aims.len() as f64;
+        let limit = NOT_REACHED * self.aims.len() as f64;
         if found.chi_square <= limit {
             return self.widened(found, None);
         }
@@ -255,7 +255,7 @@ impl Surrogates {
     }
 
     /// Mean over the distribution of the share of the surrogate in the variance of each aim; the largest of
-    /// these. 1 for an aim without an error. Where the aims are missed, the miss counts as variance, too:
+    /// these. 1 for an aim without an error. Where the aims are not reached, the miss counts as variance, too:
     /// what is certain to be out of reach does not come nearer by more runs.
     pub fn unknown_share(&self, distribution: &Distribution) -> f64 {
         let predicted = self.predict(&distribution.points);

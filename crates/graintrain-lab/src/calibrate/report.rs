@@ -2,7 +2,7 @@
 
 use super::Answer;
 use super::gaussian_process::Prediction;
-use super::inference::MISSED;
+use super::inference::NOT_REACHED;
 use super::question::Target;
 use crate::page::begin;
 use crate::sweep::SweepError;
@@ -148,7 +148,7 @@ impl Answer {
             .collect();
         let widening = self.distribution.widened.powi(2);
         let misses = |point: &[f64]| {
-            self.surrogates.chi_square(point) / widening > MISSED * self.aims.elements.len() as f64
+            self.surrogates.chi_square(point) / widening > NOT_REACHED * self.aims.elements.len() as f64
         };
         misses(&mean) && !misses(&self.distribution.likeliest)
     }

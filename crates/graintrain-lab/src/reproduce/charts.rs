@@ -34,13 +34,13 @@ pub fn figures(results: &Results) -> Vec<Figure> {
     );
     add(
         "fig10",
-        "Figure 10: time of a solve against the number of contacts, sedimentation. Hollow: tolerance missed, the time is where the \
+        "Figure 10: time of a solve against the number of contacts, sedimentation. Hollow: tolerance not reached, the time is where the \
          time limit ended the solve.",
         scaling(results, Experiment::Sedimentation).into(),
     );
     add(
         "fig11",
-        "Figure 11: precomputation per step and per Newton iteration, sedimentation. Hollow: tolerance missed.",
+        "Figure 11: precomputation per step and per Newton iteration, sedimentation. Hollow: tolerance not reached.",
         vec![
             by_contacts(results, Experiment::Sedimentation, "Precomputation per step", "time (s)", |solve| {
                 solve.precompute_seconds
@@ -61,7 +61,7 @@ pub fn figures(results: &Results) -> Vec<Figure> {
     );
     add(
         "fig12",
-        "Figure 12: inner iterations per Newton iteration, and Newton iterations, sedimentation. Hollow: tolerance missed.",
+        "Figure 12: inner iterations per Newton iteration, and Newton iterations, sedimentation. Hollow: tolerance not reached.",
         vec![
             by_contacts(
                 results,
@@ -81,7 +81,7 @@ pub fn figures(results: &Results) -> Vec<Figure> {
     );
     add(
         "fig15",
-        "Figure 15: time of a solve against the number of contacts, drafting (above) and direct shear (below). Hollow: tolerance missed.",
+        "Figure 15: time of a solve against the number of contacts, drafting (above) and direct shear (below). Hollow: tolerance not reached.",
         [Experiment::Drafting, Experiment::DirectShear]
             .into_iter()
             .flat_map(|e| scaling(results, e))
@@ -149,13 +149,13 @@ fn by_contacts(
             points.sort_by(|a, b| a[0].total_cmp(&b[0]));
             points
         };
-        let (solved, missed) = (points(true), points(false));
+        let (solved, unconverged) = (points(true), points(false));
         let label = if solved.is_empty() { *method } else { "" };
         if !solved.is_empty() {
             chart = chart.with(Series::line(*method, solved).with_markers().in_color(color));
         }
-        if !missed.is_empty() {
-            chart = chart.with(Series::scatter(label, missed).hollow().in_color(color));
+        if !unconverged.is_empty() {
+            chart = chart.with(Series::scatter(label, unconverged).hollow().in_color(color));
         }
     }
     chart

@@ -71,7 +71,7 @@ pub fn power_law(points: &[[f64; 2]]) -> Option<[f64; 2]> {
     (logs.len() >= 3 && spread > 1e-6).then(|| [(my - slope * mx).exp(), slope])
 }
 
-/// Ratios "time of a / time of b" on problems that b solved, by contacts; where a missed the tolerance within
+/// Ratios "time of a / time of b" on problems that b solved, by contacts; where a did not reach the tolerance within
 /// its time limit its ratio is a lower bound.
 fn ratios(results: &Results, experiments: &[Experiment], a: &str, b: &str) -> Vec<Ratio> {
     let of = |method: &str| -> Vec<&Solve> {
@@ -262,7 +262,7 @@ fn speed(
     Some(Claim { place, statement, verdict, evidence })
 }
 
-/// The verdict where a method missed the tolerance on its largest problem: it fails where ILU got there,
+/// The verdict where a method did not reach the tolerance on its largest problem: it fails where ILU got there,
 /// otherwise nothing is decided.
 fn unsolved(
     results: &Results,
@@ -383,32 +383,35 @@ fn inner_iterations(results: &Results) -> Claim {
     let none = on("pdip+none", train);
     let unpreconditioned = none.map_or(String::new(), |none| {
         format!(
-            " Without preconditioner: {} on average, {} % of the linear solves missed their tolerance.",
+            " Without preconditioner: {} on average, {} % of the linear solves did not reach their tolerance.",
             number(none.inner_mean),
-            number(100.0 * none.missed)
+            number(100.0 * none.unconverged)
         )
     });
-    let train_missed = if train.missed > 0.0 {
-        format!(" ({} % of its linear solves missed their tolerance)", number(100.0 * train.missed))
+    let train_unconverged = if train.unconverged > 0.0 {
+        format!(
+            " ({} % of its linear solves did not reach their tolerance)",
+            number(100.0 * train.unconverged)
+        )
     } else {
         String::new()
     };
     let ratio = ilu.inner_mean / train.inner_mean;
-    // A train that misses its tolerance, or has no inverse, on a small problem will not do better on a large
+    // A train that does not reach its tolerance, or has no inverse, on a small problem will not do better on a large
     // one.
-    let verdict = if train.missed >= 0.5 || diverged(train) >= 0.5 {
+    let verdict = if train.unconverged >= 0.5 || diverged(train) >= 0.5 {
         Verdict::Fails
     } else if (train.contacts as f64) < paper::CROSSOVER_CONTACTS {
         Verdict::Open
     } else {
-        Verdict::of(ratio >= paper::ITERATION_RATIO / 2.0 && none.is_none_or(|none| none.missed > 0.0))
+        Verdict::of(ratio >= paper::ITERATION_RATIO / 2.0 && none.is_none_or(|none| none.unconverged > 0.0))
     };
     Claim {
         place: "Fig. 12",
         statement,
         verdict,
         evidence: format!(
-            "At {} contacts: ILU {} iterations per Newton iteration, the literal tensor train {}{train_missed}: ratio {}.{}{unpreconditioned}",
+            "At {} contacts: ILU {} iterations per Newton iteration, the literal tensor train {}{train_unconverged}: ratio {}.{}{unpreconditioned}",
             ilu.contacts,
             number(ilu.inner_mean),
             number(train.inner_mean),

@@ -77,7 +77,7 @@ fn write_tables(out: &Path, results: &Results) -> Result<(), ReproduceError> {
             solve.precompute_seconds,
             solve.apply_seconds,
             solve.inner_mean,
-            solve.missed,
+            solve.unconverged,
             figures.join(" ")
         );
     }
@@ -178,7 +178,7 @@ fn html(
     let _ = write!(
         page,
         "<p>Every method solves the same contact problems, from zero impulses, on one thread, to residual {TOLERANCE:e}, for at \
-         most {} s each; a time marked &ge; belongs to a solve that missed the tolerance. The simulations themselves are made by \
+         most {} s each; a time marked &ge; belongs to a solve that did not reach the tolerance. The simulations themselves are made by \
          the fastest solver.</p>",
         number(settings.limit().as_secs_f64())
     );

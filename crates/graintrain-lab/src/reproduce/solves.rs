@@ -43,8 +43,8 @@ pub struct Solve {
     pub apply_seconds: f64,
     /// Inner iterations per Newton iteration.
     pub inner_mean: f64,
-    /// Part of the Newton iterations whose linear solve missed its tolerance.
-    pub missed: f64,
+    /// Part of the Newton iterations whose linear solve did not reach its tolerance.
+    pub unconverged: f64,
     /// Figures of the linear solver, averaged over Newton iterations.
     pub figures: BTreeMap<String, f64>,
 }
@@ -81,7 +81,7 @@ impl Solve {
             precompute_seconds: newton.iter().fold(0.0, |sum, record| sum + record.precompute_seconds),
             apply_seconds: newton.iter().fold(0.0, |sum, record| sum + record.apply_seconds),
             inner_mean: inner as f64 / count,
-            missed: newton.iter().filter(|record| !record.linear_converged).count() as f64 / count,
+            unconverged: newton.iter().filter(|record| !record.linear_converged).count() as f64 / count,
             figures: figures.into_iter().map(|(name, (sum, count))| (name, sum / count)).collect(),
         }
     }
@@ -239,7 +239,7 @@ pub fn measure(
             precompute_seconds: 0.0,
             apply_seconds: 0.0,
             inner_mean: 0.0,
-            missed: 0.0,
+            unconverged: 0.0,
             figures: BTreeMap::new(),
         },
     })

@@ -140,7 +140,7 @@ fn solve(method: &str, contacts: usize, seconds: f64, converged: bool) -> Solve 
         precompute_seconds: 0.3 * seconds,
         apply_seconds: 0.7 * seconds,
         inner_mean: 10.0,
-        missed: 0.0,
+        unconverged: 0.0,
         figures: [("rank_matrix", 4.6), ("rank_inverse", 4.4), ("compression_error", 0.7)]
             .map(|(name, value)| (name.to_string(), value))
             .into(),
@@ -197,7 +197,7 @@ fn verdicts_follow_the_numbers() {
 }
 
 #[test]
-fn a_solve_that_missed_its_tolerance_bounds_the_ratio() {
+fn a_solve_that_did_not_converge_bounds_the_ratio() {
     let results = Results {
         solves: vec![solve("pdip+ilu", 30_000, 50.0, false), solve("ipm", 30_000, 1.0, true)],
         ..Results::default()
@@ -246,10 +246,10 @@ fn iterations_are_compared_on_the_same_problem() {
     assert_eq!(verdict(&results, "Fig. 12", "").0, Verdict::Fails);
     results.solves.last_mut().unwrap().inner_mean = 70.0;
     assert_eq!(verdict(&results, "Fig. 12", "").0, Verdict::Holds);
-    results.solves[1].missed = 0.6;
+    results.solves[1].unconverged = 0.6;
     assert_eq!(verdict(&results, "Fig. 12", "").0, Verdict::Fails);
     // Few iterations without a train are not the train's.
-    results.solves[1].missed = 0.0;
+    results.solves[1].unconverged = 0.0;
     results.solves[1].figures.insert("inversion_diverged".into(), 0.75);
     let (replaced, evidence) = verdict(&results, "Fig. 12", "");
     assert!(replaced == Verdict::Fails && evidence.contains("In 75 % of"), "{evidence}");

@@ -60,6 +60,8 @@ pub struct Sample {
     pub found: BTreeMap<String, Found>,
     /// Measurements whose means are over a part that is not known to be steady.
     pub unsteady: Vec<String>,
+    /// Stages that had not begun at the end.
+    pub stages_left: Vec<String>,
 }
 
 /// What one point of a sweep came to.
@@ -147,7 +149,9 @@ pub fn collect(folder: &Path, cells: &[Cell], from: Option<f64>) -> Result<Colle
             samples.push(None);
             continue;
         }
-        let mut sample = Sample::default();
+        let names = summary["stages_left"].as_array().into_iter().flatten();
+        let stages_left = names.filter_map(|name| name.as_str().map(str::to_string)).collect();
+        let mut sample = Sample { stages_left, ..Sample::default() };
         for Column { name, unit, meaning } in figures() {
             if let Some(value) = summary[*name].as_f64() {
                 sample.found.insert(name.to_string(), Found { value, error: f64::NAN });
@@ -357,7 +361,7 @@ mod tests {
         let cell = |seed| Cell { point: 0, seed, name: String::new(), settings: Vec::new() };
         let sample = |value: f64| {
             let found = BTreeMap::from([("a".to_string(), Found { value, error: 0.5 })]);
-            Some(Sample { found, unsteady: Vec::new() })
+            Some(Sample { found, ..Sample::default() })
         };
         let cells = [cell(0), cell(1), cell(2), cell(3)];
         let samples = vec![sample(1.0), sample(2.0), sample(6.0), None];

@@ -112,7 +112,7 @@ impl Accuracy {
     }
 }
 
-/// Steps a world and counts the steps whose solve missed its tolerance.
+/// Steps a world and counts the steps whose solve did not reach its tolerance.
 pub struct Bench {
     stepper: Stepper,
     accuracy: Accuracy,
@@ -152,12 +152,13 @@ impl Bench {
         self.steps += 1;
         // A stalled solve within a tenth of the tolerance is round-off.
         let residual = report.solve.residual.measured(self.accuracy.criterion);
-        // Impacts have a tolerance of their own, tighter than most; a step that missed it says so by its
+        // Impacts have a tolerance of their own, tighter than most; a step that did not reach it says so by its
         // status alone.
         let impacts = report.impact_residual.measured(self.accuracy.criterion);
-        let missed = |residual: f64, tolerance: f64| residual.is_nan() || residual > 1.1 * tolerance;
+        let unconverged = |residual: f64, tolerance: f64| residual.is_nan() || residual > 1.1 * tolerance;
         self.unsolved += usize::from(
-            missed(residual, self.accuracy.tolerance) || missed(impacts, self.accuracy.tolerance.max(1e-9)),
+            unconverged(residual, self.accuracy.tolerance)
+                || unconverged(impacts, self.accuracy.tolerance.max(1e-9)),
         );
         Ok(report)
     }

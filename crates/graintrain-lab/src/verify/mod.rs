@@ -14,12 +14,13 @@
 //! |---|---|
 //! | [`source`] | where expected values come from |
 //! | [`mod@bench`] | small worlds, and stepping them |
-//! | [`flight`], [`impact`], [`arrival`], [`sliding`], [`rest`], [`painleve`], [`shapes`], [`heaps`], [`gas`], [`problems`], [`turning`], [`joints`], [`met`] | tier A |
+//! | [`flight`], [`impact`], [`arrival`], [`sliding`], [`rest`], [`painleve`], [`shapes`], [`heaps`], [`gas`], [`problems`], [`turning`], [`joints`], [`collisions`] | tier A |
 //! | [`mod@periodic_sample`], [`compression`], [`mod@shear`], [`granular`], [`earth_pressure`], [`samples`] | tier B |
 //! | [`report`] | table, Markdown, HTML |
 
 pub mod arrival;
 pub mod bench;
+pub mod collisions;
 pub mod compression;
 pub mod earth_pressure;
 pub mod flight;
@@ -30,7 +31,6 @@ pub mod hulls;
 pub mod impact;
 pub mod joints;
 pub mod laws;
-pub mod met;
 pub mod painleve;
 pub mod periodic_sample;
 pub mod problems;
@@ -118,7 +118,7 @@ pub struct Row {
     pub error: f64,
     /// Steps made for it; zero if not counted.
     pub steps: usize,
-    /// How many of them missed their tolerance: a row with such steps fails.
+    /// How many of them did not reach their tolerance: a row with such steps fails.
     pub unsolved: usize,
 }
 
@@ -132,7 +132,7 @@ pub enum Outcome {
     /// The standard error is too large to tell.
     Undecided,
     /// The difference is too large by more than two standard errors; or something is not a number; or a solve
-    /// missed its tolerance.
+    /// did not reach its tolerance.
     Failed,
 }
 
@@ -227,7 +227,7 @@ pub fn tier_a() -> impl Iterator<Item = &'static Definition> {
         heaps::CASES,
         turning::CASES,
         joints::CASES,
-        met::CASES,
+        collisions::CASES,
         hulls::CASES,
         laws::CASES,
     ]

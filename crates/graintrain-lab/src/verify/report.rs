@@ -116,7 +116,7 @@ fn verdict(row: &Row) -> String {
         Outcome::Undecided => format!("undecided (+- {})", number(row.error)),
         Outcome::Failed if row.unsolved > 0 => {
             let all = if row.steps > 0 { format!(" of {}", row.steps) } else { String::new() };
-            format!("FAILED ({}{all} solves missed their tolerance)", row.unsolved)
+            format!("FAILED ({}{all} solves did not reach their tolerance)", row.unsolved)
         }
         Outcome::Failed => "FAILED".into(),
     }

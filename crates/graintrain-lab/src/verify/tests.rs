@@ -141,7 +141,8 @@ fn the_report_renders() {
     for text in [table(&cases), markdown(&head, &cases), html(&head, &cases)] {
         assert!(text.contains("3 cases, 2 failed, 1 left out; 3 rows, 2 failed"), "{text}");
         assert!(
-            text.contains("3 of 10 solves missed their tolerance") && text.contains("left out: invented")
+            text.contains("3 of 10 solves did not reach their tolerance")
+                && text.contains("left out: invented")
         );
     }
     let page = html(&head, &cases);

@@ -122,9 +122,9 @@ pub(crate) fn add_corners(a: Solid<'_>, b: Solid<'_>, unit: f64, envelope: f64, 
         .iter()
         .min_by(|x, y| x.distance.value.total_cmp(&y.distance.value).then(x.feature.cmp(&y.feature)));
     let Some(nearest) = nearest else { return };
-    let missed = library.is_none_or(|touch| nearest.distance.value < touch.gap - SAME_POINT * unit);
-    let first = if missed { Some(nearest.feature) } else { None };
-    let normal = if missed { nearest.distance.normal } else { -toward };
+    let overlooked = library.is_none_or(|touch| nearest.distance.value < touch.gap - SAME_POINT * unit);
+    let first = if overlooked { Some(nearest.feature) } else { None };
+    let normal = if overlooked { nearest.distance.normal } else { -toward };
     let known = touches.len();
     let same = |known: &[Touch], point: Vec3, normal: Vec3| {
         let near = |touch: &Touch| (touch.point - point).length() <= SAME_POINT * unit;

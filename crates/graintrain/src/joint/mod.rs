@@ -339,6 +339,16 @@ impl Joint {
     }
 }
 
+/// A joint outside its limits would be thrown back to them in the first step.
+fn within_limits(placed: &PlacedJoint) -> Result<(), String> {
+    let Some(Limits { lower, upper }) = placed.joint.limits else { return Ok(()) };
+    // Poses are rounded.
+    let (start, slack) = (placed.start, 1e-9 * placed.start.abs().max(1.0));
+    let outside =
+        lower.filter(|&lower| start < lower - slack).or(upper.filter(|&upper| start > upper + slack));
+    outside.map_or(Ok(()), |limit| Err(format!("it starts at {start}, beyond its limit {limit}")))
+}
+
 /// What a joint did in the last step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct JointState {
@@ -418,6 +428,11 @@ impl World {
         );
         placed.start = start.map_or(0.0, |start| start.value);
         placed.state.coordinate = placed.start;
+        if let Err(what) = within_limits(&placed) {
+            let joint = placed.joint.label(index);
+            self.joints.pop();
+            return Err(ModelError::Joint { joint, what });
+        }
         self.joints[index] = placed;
         Ok(JointId::from_index(index))
     }

@@ -204,7 +204,7 @@ impl Stepper {
         let joint_opening_max = self.check(world, &impacts, &mut solve);
         solve.iterations = iterations;
         world.contacts = set;
-        world.time += step;
+        world.time = after(world.time, step);
         world.step += 1;
         // A search that was stopped has found a part of them.
         self.ahead = self.go_on().is_ok().then(|| (world.fingerprint(), ahead));
@@ -308,4 +308,37 @@ fn exerted(world: &World, contacts: Vec<Contact>, attempt: &Attempt) -> (Contact
     let curvature = solve.curvature.or(world.contacts.curvature);
     let count = with_force.into_iter().filter(|&force| force).count();
     (ContactSet { contacts, impulse, friction, moment, curvature }, count)
+}
+
+/// The time a step after `time`, s: where that is a whole number of steps from zero, the number nearest to it,
+/// so that no sum of rounded steps drifts and 9 steps of 1 ms are 0.009 s.
+fn after(time: f64, step: f64) -> f64 {
+    let sum = time + step;
+    let (count, rate) = ((sum / step).round(), (1.0 / step).round());
+    if (count * step - sum).abs() > 1e-6 * step {
+        sum
+    } else if (rate * step - 1.0).abs() < 1e-12 {
+        count / rate
+    } else {
+        count * step
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::after;
+
+    #[test]
+    fn times_are_the_numbers_nearest_to_whole_steps() {
+        for (step, end) in [(1e-3, 3.0), (2.5e-2, 75.0), (1.0 / 3.0, 1e3)] {
+            let mut time = 0.0;
+            for _ in 0..3000 {
+                time = after(time, step);
+            }
+            assert_eq!(time, end);
+        }
+        assert_eq!((0..9).fold(0.0, |time, _| after(time, 1e-3)), 0.009);
+        // A run that goes on from between steps.
+        assert_eq!(after(0.4e-3, 1e-3), 1.4e-3);
+    }
 }

@@ -216,7 +216,7 @@ fn energy_never_rises_with_joints() {
         let restitution = [0.0, 0.5, 0.9][seed as usize % 3];
         let mut world = jointed(seed, restitution, 0.3);
         let mut stepper = stepper_of(model);
-        let (mut first, mut least, mut rise, mut open, mut missed) =
+        let (mut first, mut least, mut rise, mut open, mut unconverged) =
             (f64::NAN, f64::INFINITY, 0.0_f64, 0.0_f64, 0);
         let mut corrected = 0.0;
         for _ in 0..400 {
@@ -231,14 +231,17 @@ fn energy_never_rises_with_joints() {
             if report.solve.converged() {
                 open = open.max(report.errors.joint_opening_max);
             }
-            missed += usize::from(!report.solve.converged());
+            unconverged += usize::from(!report.solve.converged());
         }
         assert!(rise < 0.05, "seed {seed}, {model:?}, e = {restitution}: {rise:.1e} of {first:.1e} J");
         assert!(
             open < 1e-3,
             "seed {seed}, {model:?}, e = {restitution}: {open:.1e} m in a step that converged"
         );
-        assert!(missed < 150, "seed {seed}, {model:?}, e = {restitution}: {missed} steps missed");
+        assert!(
+            unconverged < 150,
+            "seed {seed}, {model:?}, e = {restitution}: {unconverged} steps unconverged"
+        );
         worst = worst.max(rise);
     }
     println!("largest rise {worst:.1e}");

@@ -362,7 +362,7 @@ fn jacobian_agrees_with_finite_differences_of_the_gap() {
         let by_library = ["box-cylinder", "cylinder-cylinder", "cylinder-mesh"].contains(&name);
         let (h, tolerance) = if by_library { (1e-4, 2e-3) } else { (1e-6, 1e-8) };
         let by_clipping = by_library || ["box-box", "box-mesh"].contains(&name);
-        let (mut tested, mut missed, mut worst): (usize, usize, f64) = (0, 0, 0.0);
+        let (mut tested, mut beyond, mut worst): (usize, usize, f64) = (0, 0, 0.0);
         for _ in 0..40 {
             let Some(world) = posed(&a, &b, 5e-3, &mut next) else { continue };
             let velocity: Vec<f64> = (0..12).map(|_| next()).collect();
@@ -392,16 +392,16 @@ fn jacobian_agrees_with_finite_differences_of_the_gap() {
             if error < tolerance {
                 worst = worst.max(error);
             } else {
-                missed += 1;
+                beyond += 1;
             }
         }
         println!(
-            "D against differences, {name}: {tested} poses, error up to {worst:.1e} m/s, {missed} beyond {tolerance}"
+            "D against differences, {name}: {tested} poses, error up to {worst:.1e} m/s, {beyond} beyond {tolerance}"
         );
         assert!(tested >= 20, "{name}: only {tested} poses");
         // Where a corner meets a corner the library reports a point between two edges, which slides as they
         // move.
         let allowed = if by_clipping { tested / 10 } else { 0 };
-        assert!(missed <= allowed, "{name}: {missed} of {tested} poses");
+        assert!(beyond <= allowed, "{name}: {beyond} of {tested} poses");
     }
 }

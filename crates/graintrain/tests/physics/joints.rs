@@ -473,6 +473,10 @@ fn what_joints_cannot_do_is_refused() {
         (Joint::spherical(None, ball, Vec3::ZERO).with_spring(1.0, 0.0), "no single angle"),
         (Joint::revolute(None, ball, Vec3::ZERO, Vec3::X).with_spring(-1.0, 0.0), "not negative"),
         (Joint::revolute(None, ball, Vec3::ZERO, Vec3::X).with_limits(Some(1.0), Some(0.0)), "is not below"),
+        (
+            Joint::revolute(None, ball, Vec3::ZERO, Vec3::X).with_limits(Some(0.1), None),
+            "starts at 0, beyond its limit 0.1",
+        ),
         (Joint::gear([hinge, hinge], 1.0), "with itself"),
         (Joint::gear([hinge, socket], 1.0), "no angle or slide"),
         (Joint::gear([hinge, JointId::from_index(7)], 1.0), "there is no joint"),

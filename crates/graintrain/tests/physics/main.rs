@@ -3,6 +3,7 @@
 mod by_default;
 mod cells;
 mod chains;
+mod collisions;
 mod confined;
 mod drives;
 mod elasticity;
@@ -16,7 +17,6 @@ mod invariants;
 mod joints;
 mod loads;
 mod meshes;
-mod met;
 mod packings;
 mod repetition;
 mod rotation;

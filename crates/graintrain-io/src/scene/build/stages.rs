@@ -55,7 +55,7 @@ impl Builder {
                     // A builder with the same bodies and these loads alone.
                     let mut other = self.without_loads();
                     for (name, load) in scene.loads.iter().filter(|(name, _)| names.contains(name)) {
-                        other.add_load(name, load)?;
+                        other.add_load(name, load, scene)?;
                     }
                     Some(other.world.loads().to_vec())
                 }
@@ -95,6 +95,15 @@ impl Builder {
             });
         }
         Ok(stages)
+    }
+
+    /// Bodies that a stage frees, wholly or in part.
+    pub(super) fn freed_by_stages(&self, scene: &Scene) -> Vec<BodyId> {
+        let changed = scene.stages.iter().flat_map(|stage| &stage.bodies);
+        changed
+            .filter(|(_, body)| body.motion.free.contains(&true))
+            .flat_map(|(name, _)| self.bodies_named(std::slice::from_ref(name), &[]).unwrap_or_default())
+            .collect()
     }
 
     /// The same bodies without loads.

@@ -30,14 +30,14 @@ pub(super) static LOAD: Table = Table {
             Functions(D::FORCE, &FORCE),
             "none",
             "[0, 0, \"2 kN * sin(2*pi*t/4 s)\"]",
-            "Force on each body; components are functions of time",
+            "Force on each body; components are functions of time, `t` is the time of the run",
         ),
         key(
             "point",
             Vector(D::LENGTH),
             "the centre of mass",
             "[0, 0, \"5 cm\"]",
-            "Where the force acts, in the body's frame",
+            "Point of application in the body's frame",
         ),
         key("torque", Functions(D::ENERGY, &TORQUE), "none", "[0, \"3 N m\", 0]", "Torque on each body"),
         key(
@@ -45,7 +45,7 @@ pub(super) static LOAD: Table = Table {
             Text,
             "\"world\"",
             "\"body\"",
-            "Axes of force and torque: world, or body (they turn with it)",
+            "Axes of force and torque: world, or body (rotating with it)",
         )
         .one_of(|| names(AXES)),
         key(
@@ -53,7 +53,7 @@ pub(super) static LOAD: Table = Table {
             Kind::Table(&STRESS),
             "none",
             "{ stress = \"10 kPa\", area = 0.04, direction = [0, 0, -1] }",
-            "Force that keeps a stress on an area, for a wall that is free in its direction",
+            "Force of a stress on an area, for a wall that is free in its direction",
         ),
         key(
             "acceleration",
@@ -133,11 +133,17 @@ static CENTRAL: Table = Table {
             Quantity(D::ACCELERATION),
             "required",
             "9.81",
-            "Acceleration toward the centre at the distance; negative: away from it",
+            "Acceleration towards the centre at `distance`; negative: away from it",
         ),
-        key("distance", Quantity(D::LENGTH), "1", "\"6371 km\"", "Distance at which it is the strength")
-            .within(Range::Positive),
-        key("power", Quantity(D::NONE), "-2", "1", "It goes with this power of the distance"),
+        key(
+            "distance",
+            Quantity(D::LENGTH),
+            "1",
+            "\"6371 km\"",
+            "Distance at which the acceleration is `strength`",
+        )
+        .within(Range::Positive),
+        key("power", Quantity(D::NONE), "-2", "1", "Exponent of the distance"),
     ],
 };
 

@@ -31,8 +31,14 @@ pub(super) static MEASURE: Table = Table {
             "{ box = { min = [0, 0, 0], max = [1, 1, 1] } }",
             "Only bodies whose centre of mass is inside; the volume of stress, porosity and profiles (otherwise the box around the bodies)",
         ),
-        key("start", Quantity(D::TIME), "0", "\"2 s\"", "No record before; planes count from here")
-            .within(Range::NotNegative),
+        key(
+            "start",
+            Quantity(D::TIME),
+            "0",
+            "\"2 s\"",
+            "Time of the first record; crossings of planes are counted from then on",
+        )
+        .within(Range::NotNegative),
         key("stage", Text, "all stages", "\"shear\"", "Records only in the stage of this name"),
         key(
             "every",
@@ -54,18 +60,18 @@ pub(super) static MEASURE: Table = Table {
             Flag,
             "false",
             "true",
-            "Coordination with and without rattlers, sliding share, hyperstaticity",
+            "Coordination number with and without rattlers, sliding fraction, hyperstaticity",
         ),
         key(
             "rattlers_below",
             Count,
             "2",
             "4",
-            "Bodies with fewer neighbours that hold them are rattlers (4 without friction)",
+            "Bodies with fewer neighbours in loaded contact, without rattlers, are rattlers; use 4 without friction",
         ),
-        key("fabric", Flag, "false", "true", "Fabric tensor of the contacts with force, and its anisotropy"),
+        key("fabric", Flag, "false", "true", "Fabric tensor of the loaded contacts, and its anisotropy"),
         key("porosity", Flag, "false", "true", "Porosity and solid fraction"),
-        key("forces", Flag, "false", "true", "Mean, scatter and largest of normal forces"),
+        key("forces", Flag, "false", "true", "Mean, standard deviation and maximum of normal forces"),
         key("cell", Flag, "false", "true", "Edges, offsets, strain and rate of the periodic cell"),
         key(
             "energy",
@@ -80,28 +86,28 @@ pub(super) static MEASURE: Table = Table {
             Kind::Table(&FORCE_ON),
             "none",
             "{ bodies = [\"floor\"] }",
-            "Force and torque by contacts on some bodies together, walls too; in a region by the contacts there",
+            "Sum of contact forces and torques on some bodies, also walls; with a region only of contacts in it",
         ),
         key(
             "plane",
             Kind::Table(&PLANE),
             "none",
             "{ point = [0, 0, 0], normal = [0, 0, -1] }",
-            "Mass and bodies that pass a plane (in the region, where there is one), and the force through it",
+            "Mass and bodies that cross a plane (with a region only inside it), and the force through it",
         ),
         key(
             "exchange",
             Flag,
             "false",
             "true",
-            "Bodies, mass and kinetic energy that came through all streams (and by growth) and left through all outlets",
+            "Bodies, mass and kinetic energy that entered through all streams (and by growth) and left through all outlets",
         ),
         key(
             "mixing",
             Kind::Table(&MIXING),
             "none",
             "{ packings = [\"red\"], cell = \"3 cm\" }",
-            "Lacey's index of mixing",
+            "Lacey's mixing index",
         ),
         key(
             "shear_box",
@@ -115,28 +121,28 @@ pub(super) static MEASURE: Table = Table {
             Kind::Table(&WHEEL),
             "none",
             "{ body = \"wheel\", radius = \"10 cm\" }",
-            "Slip, sinkage, drawbar pull, load and torque of a wheel; the bodies that are meant are its bed",
+            "Slip, sinkage, drawbar pull, load and torque of a wheel; the selected bodies are the soil bed",
         ),
         key(
             "repose",
             Kind::Table(&REPOSE),
             "none",
             "{ along = \"radius\", width = \"1 cm\" }",
-            "Angle of the surface of a heap",
+            "Angle of repose of a heap",
         ),
         key(
             "profile",
             Kind::Table(&PROFILE),
             "none",
             "{ along = \"z\", from = 0, to = \"20 cm\", bins = 20 }",
-            "Density, velocity and temperature in bins; stands alone in its table, a record per bin",
+            "Density, velocity and temperature in bins; the only key of its table, a record per bin",
         ),
         key(
             "histogram",
             Kind::Table(&HISTOGRAM),
             "none",
             "{ bins = 20, most = 5 }",
-            "Distribution of normal forces over their mean; stands alone in its table, a record per bin",
+            "Distribution of normal forces over their mean; the only key of its table, a record per bin",
         ),
     ],
 };
@@ -151,7 +157,7 @@ static FORCE_ON: Table = Table {
             Vector(D::LENGTH),
             "[0, 0, 0]",
             "[0, 0, 1]",
-            "The torque is about this point of the world",
+            "Reference point of the torque, in the world",
         ),
     ],
 };
@@ -161,13 +167,7 @@ static PLANE: Table = Table {
     alternatives: &[],
     keys: &[
         key("point", Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, \"5 cm\"]", "A point of the plane"),
-        key(
-            "normal",
-            Vector(D::NONE),
-            "[0, 0, 1]",
-            "[0, 0, -1]",
-            "Direction that counts as positive; any length",
-        ),
+        key("normal", Vector(D::NONE), "[0, 0, 1]", "[0, 0, -1]", "Positive direction; any length"),
     ],
 };
 
@@ -180,7 +180,7 @@ static MIXING: Table = Table {
             Texts,
             "one of packings, streams",
             "[\"red\"]",
-            "Packings of the first kind; all other bodies that are meant are the second",
+            "Packings of the first kind; all other selected bodies are the second",
         ),
         key("streams", Texts, "one of packings, streams", "[\"rain\"]", "Streams of the first kind"),
         key("cell", Quantity(D::LENGTH), "required", "\"3 cm\"", "Edge of the cells: a few bodies wide")
@@ -192,16 +192,16 @@ static SHEAR_BOX: Table = Table {
     heading: "`measure.shear_box`",
     alternatives: &[],
     keys: &[
-        key("sheared", Text, "required", "\"lower\"", "The body that is moved"),
-        key("pressing", Text, "required", "\"press\"", "The body that presses"),
+        key("sheared", Text, "required", "\"lower\"", "The sheared body"),
+        key("pressing", Text, "required", "\"press\"", "The pressing body"),
+        key("direction", Vector(D::NONE), "[1, 0, 0]", "[0, 1, 0]", "Direction of shear; any length"),
         key(
-            "direction",
+            "normal",
             Vector(D::NONE),
-            "[1, 0, 0]",
-            "[0, 1, 0]",
-            "In which the first is moved; any length",
+            "[0, 0, 1]",
+            "[0, 0, 1]",
+            "From the sample to the pressing body; any length",
         ),
-        key("normal", Vector(D::NONE), "[0, 0, 1]", "[0, 0, 1]", "From the sample to the second; any length"),
         key("area", Quantity(D::AREA), "required", "\"0.12 m * 0.12 m\"", "Area of the sample")
             .within(Range::Positive),
         key(
@@ -209,7 +209,7 @@ static SHEAR_BOX: Table = Table {
             Vector(D::LENGTH),
             "none",
             "[0, 0, \"3 cm\"]",
-            "A point of the plane between the halves: stresses there by contacts of grains alone, without walls, and with the weight above",
+            "A point of the plane between the halves: stresses there from contacts of grains only, without walls, and with the weight above",
         ),
     ],
 };
@@ -219,14 +219,14 @@ static WHEEL: Table = Table {
     alternatives: &[],
     keys: &[
         key("body", Text, "required", "\"wheel\"", "The wheel; its centre of mass is on its axis"),
-        key("radius", Quantity(D::LENGTH), "required", "\"10 cm\"", "With which slip and sinkage count")
+        key("radius", Quantity(D::LENGTH), "required", "\"10 cm\"", "Radius for slip and sinkage")
             .within(Range::Positive),
         key(
             "axis",
             Vector(D::NONE),
             "[0, 1, 0]",
             "[0, 1, 0]",
-            "Turning about it is rolling forward, towards axis x up; any length",
+            "Axle; positive rotation rolls forward, in the direction axis x up; any length",
         ),
     ],
 };
@@ -235,21 +235,27 @@ static REPOSE: Table = Table {
     heading: "`measure.repose`",
     alternatives: &[],
     keys: &[
-        key("along", Text, "\"radius\"", "\"x\"", "Where the surface falls to: x, y, z or radius")
-            .one_of(|| names(AlongSpec::NAMES)),
+        key(
+            "along",
+            Text,
+            "\"radius\"",
+            "\"x\"",
+            "Direction in which the surface descends: x, y, z or radius",
+        )
+        .one_of(|| names(AlongSpec::NAMES)),
         key(
             "centre",
             Vector(D::LENGTH),
             "[0, 0, 0]",
             "[\"5 cm\", 0, 0]",
-            "The upright line that the radius counts from",
+            "Point of the vertical axis of the radius",
         ),
         key(
             "width",
             Quantity(D::LENGTH),
             "required",
             "\"1 cm\"",
-            "Width of the columns whose tops make the surface: a diameter or two",
+            "Width of the columns whose tops define the surface: one or two diameters",
         )
         .within(Range::Positive),
     ],
@@ -259,14 +265,14 @@ static PROFILE: Table = Table {
     heading: "`measure.profile`",
     alternatives: &[],
     keys: &[
-        key("along", Text, "\"z\"", "\"radius\"", "Bins lie along x, y, z or the radius")
+        key("along", Text, "\"z\"", "\"radius\"", "Direction of the bins: x, y, z or radius")
             .one_of(|| names(AlongSpec::NAMES)),
         key(
             "centre",
             Vector(D::LENGTH),
             "[0, 0, 0]",
             "[\"5 cm\", 0, 0]",
-            "The upright line that the radius counts from",
+            "Point of the vertical axis of the radius",
         ),
         key("from", Quantity(D::LENGTH), "required", "0", "Lower edge of the first bin"),
         key("to", Quantity(D::LENGTH), "required", "\"20 cm\"", "Upper edge of the last bin"),

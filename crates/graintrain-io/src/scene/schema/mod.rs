@@ -247,8 +247,8 @@ pub static SCENE: Table = Table {
     heading: "Top level",
     alternatives: &[],
     keys: &[
-        key("title", Text, "the scene's name", "\"Balls in a box\"", "One line for people"),
-        key("seed", Count, "1", "42", "Seed of everything random; packing number k (from 0) uses seed + k"),
+        key("title", Text, "the scene's name", "\"Balls in a box\"", "Title of the scene"),
+        key("seed", Count, "1", "42", "Seed of all random numbers; packing number k (from 0) uses seed + k"),
         key(
             "gravity",
             Kind::Functions(D::ACCELERATION, &ACCELERATION),
@@ -261,7 +261,7 @@ pub static SCENE: Table = Table {
             Free,
             "none",
             "{ n = 4, pitch = \"0.23 m\" }",
-            "Named values for expressions, set with `--set n=8`",
+            "Named values for expressions, set with `--set n=8`; names of units, functions and pi are reserved",
         ),
         key(
             "time",
@@ -280,9 +280,9 @@ pub static SCENE: Table = Table {
         key(
             "periodic",
             Kind::Table(&PERIODIC),
-            "space ends nowhere and repeats nowhere",
+            "unbounded space",
             "{ min = [0, 0, 0], max = [1, 1, 1], rate = { xy = \"0.1/s\" } }",
-            "A cell that repeats along some axes, held, deformed or under a stress",
+            "Periodic cell, of constant form, deformed, or under a stress",
         ),
         key("solver", Kind::Table(&SOLVER), "its keys' defaults", "{ tolerance = 1e-5 }", "Contact solver"),
         key("output", Kind::Table(&OUTPUT), "its keys' defaults", "{ every = \"0.1 s\" }", "What is written"),
@@ -326,14 +326,14 @@ pub static SCENE: Table = Table {
             Named(&STREAM),
             "none",
             "{ rain = { radius = 0.01, rate = 100, region = { box = { min = [0, 0, 1], max = [1, 1, 1.1] } } } }",
-            "Bodies that enter while the run goes, by name",
+            "Bodies that enter during the run, by name",
         ),
         key(
             "outlet",
             Named(&OUTLET),
             "none",
             "{ bottom = { behind = { point = [0, 0, -1] } } }",
-            "Where bodies leave, by name; each leaves through the first that takes it",
+            "Where bodies leave, by name; a body leaves through the first outlet that applies",
         ),
         key(
             "load",
@@ -354,14 +354,14 @@ pub static SCENE: Table = Table {
             Tables(&STAGE),
             "one stage without end",
             "[{ name = \"settle\", kinetic_energy = \"1e-9 J\" }, { name = \"shear\" }]",
-            "Stages one after the other, with what changes from one to the next",
+            "Stages, run one after the other, with the changes at the beginning of each",
         ),
         key(
             "measure",
             Named(&MEASURE),
             "none",
             "{ sample = { stress = true, coordination = true } }",
-            "Measurements by name; each makes a table `measures/NAME.csv`",
+            "Measurements by name; each writes a table `measures/NAME.csv`",
         ),
     ],
 };
@@ -399,14 +399,14 @@ static CONTACT: Table = Table {
             Quantity(D::LENGTH),
             "0.01 x the smallest radius",
             "\"0.1 mm\"",
-            "Overlap of rigid contacts accepted at the start",
+            "Largest initial overlap of rigid contacts",
         ).within(Range::NotNegative),
         key(
             "relax",
             Flag,
             "false",
             "true",
-            "Bodies that overlap by more at the start are moved apart before the run, instead of being refused: for packings of programs \
+            "Larger initial overlap is removed by displacements before the run, instead of being an error: for packings of programs \
              with soft contacts",
         ),
         key(
@@ -414,15 +414,15 @@ static CONTACT: Table = Table {
             Text,
             "\"position\"",
             "\"velocity\"",
-            "How overlap is removed: position (bodies are displaced, which makes no kinetic energy) or velocity (they part with \
-             -gap / step and keep it: the paper's scheme)",
+            "How overlap is removed: position (by displacements, without kinetic energy) or velocity (bodies separate with \
+             the velocity -gap / step and keep it: the paper's scheme)",
         ).one_of(|| names(OVERLAP)),
         key(
             "friction_rule",
             Text,
             "\"minimum\"",
             "\"geometric-mean\"",
-            "Friction (sliding, rolling, spinning) of a pair that `pair` does not name, from both materials: minimum, maximum, mean, \
+            "Friction (sliding, rolling, spinning) of a pair without a `pair` table, from both materials: minimum, maximum, mean, \
              geometric-mean",
         ).one_of(|| names(PairRule::NAMES)),
         key("restitution_rule", Text, "\"minimum\"", "\"mean\"", "Restitution of such a pair").one_of(|| names(PairRule::NAMES)),
@@ -433,31 +433,31 @@ static SOLVER: Table = Table {
     heading: "`[solver]`",
     alternatives: &[],
     keys: &[
-        key("name", Text, "\"auto\"", "\"apgd\"", "Solver, with its linear solver after a `+`"),
+        key("name", Text, "\"auto\"", "\"apgd\"", "Solver, optionally with its linear solver after a `+`"),
         key(
             "tolerance",
             Quantity(D::NONE),
             "1e-4",
             "1e-5",
-            "Residual at which it stops: its root mean square, with 20 times that for the worst contact. 1e-4: the velocities left \
-             over at contacts are, in the root mean square, 1e-4 of gravity times step. Steps are solved to 1e-2 at least: what is looser costs more",
+            "Residual at which it stops: its root mean square, with 20 times that for the worst contact. 1e-4: the root mean square velocity \
+             error at contacts is 1e-4 of gravity times step. A value above 1e-2 has no effect",
         ).within(Range::Positive),
-        key("strict_max", Flag, "false", "true", "Whether the worst contact has to reach the tolerance"),
+        key("strict_max", Flag, "false", "true", "Whether the tolerance applies to the worst contact"),
         key(
             "max_iterations",
             Count,
             "6000, more for few contacts",
             "2000",
-            "Iterations that a connected part of the contacts may cost in a step, in those of projected gradients (below 1 024 contacts: up to \
-             five times as many). A step that they do not suffice for counts as one that missed its tolerance, and is made with the best impulses found. \
-             Where these are far from a solution and nothing is given here, some convex problems come on top, whose impulses let no bodies approach. Relaxed solves, and methods that count something else, have limits of their own",
+            "Limit of iterations of a connected part of the contacts in a step, in iterations of projected gradients (default below 1 024 contacts: up to \
+             five times as many). If the limit is reached, the step uses the best impulses and counts as not converged. \
+             If these are far from a solution and no limit is given, convex problems are solved in addition, so that no bodies approach. Relaxed solves, and methods that count other iterations, have their own limits",
         ).within(Range::Positive),
         key(
             "friction",
             Text,
             "\"coulomb\"",
             "\"relaxed\"",
-            "coulomb (exact) or relaxed (cone complementarity, the paper's model: what slides is lifted by mu times its slip)",
+            "coulomb (exact) or relaxed (cone complementarity, the paper's model: a sliding contact separates by mu times its slip)",
         ).one_of(|| names(FrictionModel::NAMES)),
     ],
 };
@@ -517,8 +517,8 @@ static MATERIAL: Table = Table {
             RatioOrLength,
             "0",
             "0.1",
-            "Rolling friction with itself: the largest moment across the normal over the normal force, a length; a number counts in \
-             effective radii R_A R_B / (R_A + R_B)",
+            "Rolling friction with itself: the largest tangential moment over the normal force, a length; a number is a multiple of the \
+             effective radius R_A R_B / (R_A + R_B)",
         ).within(Range::NotNegative),
         key(
             "spinning_friction",
@@ -539,14 +539,14 @@ static MATERIAL: Table = Table {
             Quantity(DAMPING),
             "0",
             "\"20 N s/m\"",
-            "Normal damping of every contact with itself; with a stiffness",
+            "Normal damping of every contact with itself; only with a stiffness",
         ).within(Range::NotNegative),
         key(
             "cohesion",
             Quantity(D::FORCE),
             "0",
             "\"2 mN\"",
-            "Force with which two bodies of it pull each other while they touch",
+            "Attraction of two bodies of this material while they touch",
         ).within(Range::NotNegative),
     ],
 };
@@ -577,7 +577,7 @@ static PAIR: Table = Table {
             RatioOrLength,
             "contact.friction_rule",
             "0.05",
-            "Rolling friction between them, a number of effective radii or a length",
+            "Rolling friction between them, a multiple of the effective radius or a length",
         )
         .within(Range::NotNegative),
         key(
@@ -585,7 +585,7 @@ static PAIR: Table = Table {
             RatioOrLength,
             "contact.friction_rule",
             "0.02",
-            "Spinning friction between them, a number of effective radii or a length",
+            "Spinning friction between them, a multiple of the effective radius or a length",
         )
         .within(Range::NotNegative),
         key(
@@ -609,7 +609,7 @@ static PAIR: Table = Table {
             Quantity(D::FORCE),
             "the smaller of both",
             "\"1 mN\"",
-            "Force with which they pull each other while they touch",
+            "Attraction of two such bodies while they touch",
         )
         .within(Range::NotNegative),
     ],

@@ -22,14 +22,14 @@ pub(super) static PACKING: Table = Table {
             Kind::Table(&DROP),
             "one of lattice, drop, poisson, file",
             "{ count = 500, box = { min = [0, 0, 0], max = [1, 1, 3] } }",
-            "Bodies at random places of a region, without overlap",
+            "Bodies at random positions in a region, without overlap",
         ),
         key(
             "poisson",
             Kind::Table(&POISSON),
             "one of lattice, drop, poisson, file",
             "{ distance = 0.1, box = { min = [0, 0, 0], max = [1, 1, 3] } }",
-            "Bodies at random places of a least distance that fill a region evenly (Poisson-disk sampling)",
+            "Bodies at random positions with a minimum distance that fill a region evenly (Poisson-disk sampling)",
         ),
         key(
             "file",
@@ -58,15 +58,9 @@ pub(super) static PACKING: Table = Table {
             Tables(&PART),
             "one of radius, shape, parts",
             "[{ shape = { sphere = { radius = 1 } } }, { shape = { sphere = { radius = 1 } }, position = [1, 0, 0] }]",
-            "Several shapes in each body (clumps), with the mass of their union; the centre of mass comes to the body's place",
+            "Several shapes in each body (clumps), with the mass of their union; the body's position is that of its centre of mass",
         ),
-        key(
-            "random_rotation",
-            Flag,
-            "false",
-            "true",
-            "Bodies are turned at random, every rotation as likely as another",
-        ),
+        key("random_rotation", Flag, "false", "true", "Random orientations, uniformly distributed"),
         key("material", Text, "the only material", "\"glass\"", "Material"),
         key(
             "velocity",
@@ -117,21 +111,21 @@ pub(super) static RADIUS: Table = Table {
             Kind::Table(&ROSIN_RAMMLER),
             "one of",
             "{ size = \"5 mm\", spread = 3, min = \"2 mm\", max = \"8 mm\" }",
-            "Rosin and Rammler, cut off at two radii: up to radius r there is the share 1 - exp(-(r/size)^spread) of the mass",
+            "Rosin-Rammler, cut off at two radii: cumulative mass fraction 1 - exp(-(r/size)^spread) up to radius r",
         ),
         key(
             "sieves",
             Kind::Table(&SIEVES),
             "one of",
             "{ openings = [\"2 mm\", \"4 mm\", \"8 mm\"], passing = [0, 0.3, 1] }",
-            "A grading curve by mass, straight over the logarithm of the opening between sieves",
+            "A grading curve by mass, linear in the logarithm of the opening between sieves",
         ),
         key(
             "by",
             Text,
             "\"number\"; of rosin_rammler and sieves \"mass\"",
             "\"mass\"",
-            "What shares, weights, medians and means count: number of spheres, or mass",
+            "Whether fractions, weights, medians and means are by number of spheres, or by mass",
         )
         .one_of(|| names(BY)),
     ],
@@ -183,7 +177,7 @@ static CHOICE: Table = Table {
     keys: &[
         key("radii", List(D::LENGTH), "required", "[\"4 mm\", \"8 mm\"]", "The radii")
             .within(Range::Positive),
-        key("weights", List(D::NONE), "equal", "[0.9, 0.1]", "How often each is drawn; any sum")
+        key("weights", List(D::NONE), "equal", "[0.9, 0.1]", "Relative frequency of each; any sum")
             .within(Range::NotNegative),
     ],
 };
@@ -197,7 +191,7 @@ static ROSIN_RAMMLER: Table = Table {
             Quantity(D::LENGTH),
             "required",
             "\"5 mm\"",
-            "Radius up to which there are 63.2 % of the mass before the cut",
+            "Radius with a cumulative mass fraction of 63.2 % before the cut",
         )
         .within(Range::Positive),
         key("spread", Quantity(D::NONE), "required", "3", "Exponent, at most 100: the larger, the narrower")
@@ -224,7 +218,7 @@ static SIEVES: Table = Table {
             List(D::NONE),
             "required",
             "[0, 0.3, 1]",
-            "Share of the mass that passes each, from 0 to 1",
+            "Mass fraction that passes each, from 0 to 1",
         )
         .within(Range::ZeroToOne),
     ],
@@ -243,14 +237,14 @@ static LATTICE: Table = Table {
             Vector(D::LENGTH),
             "[0, 0, 0]",
             "[0, 0, \"5 cm\"]",
-            "Lower corner of the lattice: the first body sits half a pitch inside",
+            "Lower corner of the lattice; the first body is half a pitch inside",
         ),
         key(
             "jitter",
             Quantity(D::LENGTH),
             "0",
             "\"12 mm\"",
-            "Each coordinate is moved by a uniform random length of at most this",
+            "Largest random displacement of each coordinate, uniformly distributed",
         )
         .within(Range::NotNegative),
     ],
@@ -282,7 +276,7 @@ static POISSON: Table = Table {
     heading: "`packing.NAME.poisson`",
     alternatives: &[&["box", "cylinder"]],
     keys: &[
-        key("distance", Quantity(D::LENGTH), "required", "\"12 mm\"", "Least distance of two centres")
+        key("distance", Quantity(D::LENGTH), "required", "\"12 mm\"", "Minimum distance of two centres")
             .within(Range::Positive),
         key(
             "box",
@@ -310,7 +304,7 @@ pub(super) static BOX_REGION: Table = Table {
             Vector(D::LENGTH),
             "required",
             "[0, 0, 0]",
-            "Lower corner; dropped bodies lie wholly inside",
+            "Lower corner; dropped bodies are completely inside",
         ),
         key("max", Vector(D::LENGTH), "required", "[1, 1, 3]", "Upper corner"),
     ],
@@ -326,7 +320,7 @@ pub(super) static CYLINDER_REGION: Table = Table {
             Quantity(D::LENGTH),
             "required",
             "\"10 cm\"",
-            "Radius; dropped bodies lie wholly inside",
+            "Radius; dropped bodies are completely inside",
         )
         .within(Range::Positive),
         key("height", Quantity(D::LENGTH), "required", "\"30 cm\"", "Height, along z")
@@ -344,12 +338,12 @@ static FILE: Table = Table {
             "required",
             "\"pile.vtu\"",
             "VTU or VTP, CSV, a whitespace table, a dump of LAMMPS or LIGGGHTS, extended XYZ, YADE's text, data or restart files of MercuryDPM; \
-             relative to the scene's folder, on the command line to the current one",
+             relative to the scene's folder, on the command line to the current folder",
         ),
         key(
             "format",
             Text,
-            "by the file's ending",
+            "from the file extension",
             "\"lammps\"",
             "vtk, csv, table, lammps, xyz, yade or mercury",
         )
@@ -361,13 +355,13 @@ static FILE: Table = Table {
             "0",
             "Frame of a file with several, counted from 0: lammps, xyz, mercury",
         ),
-        key("skip_last", Count, "0", "1", "Leave out this many lines at the end"),
+        key("skip_last", Count, "0", "1", "Number of lines to omit at the end"),
         key(
             "scale",
             Quantity(D::NONE),
             "1",
             "0.001",
-            "Factor on all lengths, after the units that the file names",
+            "Factor for all lengths, after conversion of the units in the file",
         )
         .within(Range::Positive),
         key("offset", Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, \"1 cm\"]", "Added to all positions"),

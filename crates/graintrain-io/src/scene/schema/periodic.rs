@@ -17,7 +17,7 @@ pub(super) static PERIODIC: Table = Table {
             "[\"10 cm\", \"10 cm\", \"20 cm\"]",
             "Upper corner of the cell",
         ),
-        key("axes", Texts, "[\"x\", \"y\", \"z\"]", "[\"x\", \"y\"]", "Along which axes space repeats")
+        key("axes", Texts, "[\"x\", \"y\", \"z\"]", "[\"x\", \"y\"]", "Periodic axes")
             .one_of(|| DIRECTIONS.to_vec()),
         RATES,
         STRESSES,
@@ -35,30 +35,30 @@ pub(super) static STAGE_PERIODIC: Table = Table {
 const RATES: Key = key(
     "rate",
     Kind::Table(&RATE_COMPONENTS),
-    "the cell keeps its form",
+    "zero without a stress",
     "{ xx = \"-0.1/s\", xy = \"0.5/s\" }",
-    "Velocity gradient by components: ij is the velocity along i per way along j; xx, yy, zz stretch where they are positive, xy, xz, yz shear",
+    "Velocity gradient by components, ij is du_i/dx_j: positive xx, yy, zz stretch; xy, xz, yz shear",
 );
 const STRESSES: Key = key(
     "stress",
     Kind::Table(&STRESS_COMPONENTS),
     "none",
     "{ zz = \"10 kPa\" }",
-    "Imposed mean stress by components, compression positive, where no rate is: the cell deforms until its contacts carry it",
+    "Imposed mean stress by components without a rate, compression positive: the cell deforms until the contact stress equals it",
 );
 const ISOTROPIC: Key = key(
     "pressure",
     Function(D::PRESSURE, &PRESSURE),
     "none",
     "\"10 kPa\"",
-    "The same stress xx, yy and zz, each by itself",
+    "The same value for the stresses xx, yy and zz, each imposed independently",
 );
 const FASTEST: Key = key(
     "fastest",
     Quantity(D::RATE),
     "no limit",
     "\"1/s\"",
-    "Largest rate at which imposed stresses deform the cell, only with `stress` or `pressure`: what is loose else closes ever faster",
+    "Largest deformation rate due to imposed stresses, only with `stress` or `pressure`; without this limit a loose sample contracts ever faster",
 ).within(Range::Positive);
 
 macro_rules! components {

@@ -18,14 +18,14 @@ pub(super) static STAGE: Table = Table {
             Quantity(D::TIME),
             "until `[time]` ends the run",
             "\"2 s\"",
-            "Longest duration of the stage",
+            "Maximum duration of the stage",
         ).within(Range::Positive),
         key(
             "at_least",
             Quantity(D::TIME),
             "0",
             "\"50 ms\"",
-            "Duration before which the conditions below end nothing",
+            "Minimum duration before the conditions below apply",
         ).within(Range::NotNegative),
         key(
             "kinetic_energy",
@@ -39,14 +39,14 @@ pub(super) static STAGE: Table = Table {
             Quantity(D::NONE),
             "none",
             "0.01",
-            "The stage ends when the mean net force on bodies is below this share of the mean contact force. A gas in which few bodies touch meets it at once: give `at_least`",
+            "The stage ends when the mean net force on bodies is below this fraction of the mean contact force. With few contacts this is true at once: give `at_least`",
         ).within(Range::Positive),
         key(
             "filled",
             Flag,
             "false",
             "true",
-            "The stage ends when all streams that flow in it have given all their bodies",
+            "The stage ends when all streams active in it have inserted all their bodies",
         ),
         key(
             "steady",
@@ -74,7 +74,7 @@ pub(super) static STAGE: Table = Table {
             Named(&STAGE_MATERIAL),
             "unchanged",
             "{ glass = { friction = 0 } }",
-            "Properties of materials from this stage on; pairs with values of their own keep them",
+            "Properties of materials from this stage on; values of `pair` tables do not change",
         ),
         key(
             "body",
@@ -88,14 +88,14 @@ pub(super) static STAGE: Table = Table {
             Kind::Table(&STAGE_PERIODIC),
             "unchanged",
             "{ pressure = \"10 kPa\", rate = { xy = \"0.1/s\" } }",
-            "What drives the periodic cell from this stage on; components that are not named are held. Times count from the beginning of the stage",
+            "Rates and stresses of the periodic cell from this stage on; other components have rate zero. `t` is the time since the stage began",
         ),
         key(
             "loads",
             Texts,
             "unchanged",
             "[\"press\"]",
-            "The loads that act from this stage on; all others do not",
+            "The loads that act from this stage on; all others are off",
         ),
     ],
 };
@@ -111,7 +111,7 @@ static STEADY: Table = Table {
             Quantity(D::TIME),
             "required",
             "\"0.5 s\"",
-            "The latest records of so long are looked at, in two halves: at least four records",
+            "Time span of the latest records, divided into two halves; at least four records",
         )
         .within(Range::Positive),
         key(
@@ -119,11 +119,17 @@ static STEADY: Table = Table {
             Quantity(D::NONE),
             "0.01",
             "0.02",
-            "The means of both halves differ by at most this share of the mean",
+            "Steady if the means of both halves differ by at most this fraction of the mean",
         )
         .within(Range::NotNegative),
-        key("within", Quantity(D::NONE), "0", "1e-3", "Or by at most this, in the unit of the column (SI)")
-            .within(Range::NotNegative),
+        key(
+            "within",
+            Quantity(D::NONE),
+            "0",
+            "1e-3",
+            "Or by at most this value, in the unit of the column (SI)",
+        )
+        .within(Range::NotNegative),
     ],
 };
 
@@ -138,7 +144,7 @@ static GROWTH: Table = Table {
             Quantity(D::RATE),
             "required",
             "\"0.2/s\"",
-            "Relative growth of all lengths; it waits while bodies overlap by more than 1 % of their size",
+            "Relative growth rate of all lengths; growth pauses while bodies overlap by more than 1 % of their size",
         )
         .within(Range::Positive),
         key("porosity", Quantity(D::NONE), "required", "0.4", "Porosity at which growth and the stage end")
@@ -148,7 +154,7 @@ static GROWTH: Table = Table {
             Kind::Table(&REGION),
             "required",
             "{ box = { min = [0, 0, 0], max = [1, 1, 1] } }",
-            "Where porosity is taken",
+            "Region in which the porosity is measured",
         ),
     ],
 };
@@ -178,7 +184,7 @@ static STAGE_BODY: Table = Table {
         TextOr(&MOTION),
         "required",
         "{ translation = [{ direction = [1, 0, 0], speed = 0.1 }] }",
-        "free, fixed, or a table as of bodies; its times count from the beginning of the stage",
+        "free, fixed, or a table as for bodies; `t` is the time since the stage began",
     )
     .one_of(|| names(MOTIONS))],
 };

@@ -15,7 +15,7 @@ pub(super) static STREAM: Table = Table {
             Kind::Table(&REGION),
             "required",
             "{ cylinder = { base = [0, 0, 1], radius = 0.1, height = 0.1 } }",
-            "Bodies enter wholly inside, at random places that are free; a body that finds none waits",
+            "Bodies enter completely inside, at random positions without overlap; if there is none, the insertion is delayed",
         ),
         key(
             "radius",
@@ -39,46 +39,39 @@ pub(super) static STREAM: Table = Table {
             "[{ shape = { sphere = { radius = 1 } } }, { shape = { sphere = { radius = 1 } }, position = [1, 0, 0] }]",
             "Several shapes in each body (clumps)",
         ),
-        key("random_rotation", Flag, "false", "true", "Bodies are turned at random"),
+        key("random_rotation", Flag, "false", "true", "Random orientations"),
         key("material", Text, "the only material", "\"glass\"", "Material"),
-        key(
-            "velocity",
-            Vector(D::SPEED),
-            "[0, 0, 0]",
-            "[0, 0, \"-1 m/s\"]",
-            "Velocity with which they enter",
-        ),
+        key("velocity", Vector(D::SPEED), "[0, 0, 0]", "[0, 0, \"-1 m/s\"]", "Initial velocity"),
         key("lock_rotation", Flag, "false", "true", "Bodies keep their orientation"),
         key(
             "rate",
             Quantity(D::RATE),
-            "as many as find a place",
+            "as many as fit",
             "\"200/s\"",
-            "Bodies per second; those that had to wait come later",
+            "Bodies per second; delayed bodies enter later",
         )
         .within(Range::Positive),
         key(
             "mass_rate",
             Quantity(D::MASS_RATE),
-            "as many as find a place",
+            "as many as fit",
             "\"0.5 kg/s\"",
-            "Mass per second, in the place of `rate`",
+            "Mass per second, instead of `rate`",
         )
         .within(Range::Positive),
-        key("count", Count, "no limit", "500", "The stream ends after so many bodies"),
-        key("mass", Quantity(D::MASS), "no limit", "\"2 kg\"", "It ends before it has given more than this")
-            .within(Range::Positive),
+        key("count", Count, "no limit", "500", "Maximum number of bodies"),
+        key("mass", Quantity(D::MASS), "no limit", "\"2 kg\"", "Maximum total mass").within(Range::Positive),
         key(
             "start",
             Quantity(D::TIME),
             "0",
             "\"0.1 s\"",
-            "When it begins; from the beginning of `stage`, where one is named",
+            "When it begins; with `stage` relative to the beginning of that stage",
         )
         .within(Range::NotNegative),
         key("end", Quantity(D::TIME), "no limit", "\"2 s\"", "When it ends, likewise")
             .within(Range::Positive),
-        key("stage", Text, "all stages", "\"fill\"", "It flows only in the stage of this name"),
+        key("stage", Text, "all stages", "\"fill\"", "Active only in the stage of this name"),
         key("seed", Count, "seed of the scene + number of the stream + 1000", "7", "Seed of this stream"),
     ],
 };
@@ -99,14 +92,14 @@ pub(super) static OUTLET: Table = Table {
             Kind::Table(&REGION),
             "one of behind, outside, inside",
             "{ box = { min = [-1, -1, -1], max = [1, 1, 1] } }",
-            "They leave when it is outside of the region",
+            "They leave when it is outside the region",
         ),
         key(
             "inside",
             Kind::Table(&REGION),
             "one of behind, outside, inside",
             "{ box = { min = [-1, -1, -1], max = [1, 1, 0] } }",
-            "They leave when it is inside of the region",
+            "They leave when it is inside the region",
         ),
     ],
 };

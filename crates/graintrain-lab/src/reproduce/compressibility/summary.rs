@@ -46,9 +46,9 @@ impl<'a> Solve<'a> {
         let of = |what: &str, count: usize| {
             if count > 0 { format!(" ({count} of {} {what})", counts.len()) } else { String::new() }
         };
-        let missed = counts.iter().filter(|count| **count == Some(Count::Missed)).count();
+        let unconverged = counts.iter().filter(|count| **count == Some(Count::Unconverged)).count();
         let late = counts.iter().filter(|count| count.is_none()).count();
-        format!("{mean}{}{}", of("missed", missed), of("not in time", late))
+        format!("{mean}{}{}", of("unconverged", unconverged), of("not in time", late))
     }
 }
 

@@ -237,7 +237,7 @@ impl System {
         match report.outcome {
             KrylovOutcome::Converged => Some(Count::Reached(report.iterations)),
             KrylovOutcome::Stopped => None,
-            KrylovOutcome::IterationLimit | KrylovOutcome::Breakdown => Some(Count::Missed),
+            KrylovOutcome::IterationLimit | KrylovOutcome::Breakdown => Some(Count::Unconverged),
         }
     }
 
@@ -268,14 +268,14 @@ impl System {
             self.matrix.multiply(&step, &mut image);
             residual.iter_mut().zip(&image).for_each(|(r, y)| *r -= y);
         }
-        Some(Count::Missed)
+        Some(Count::Unconverged)
     }
 
     /// BiCGSTAB's iterations with block Jacobi, block ILU(0) without correction of pivots, block IC(0).
     pub fn classic(&self, tolerance: f64, patience: &Patience) -> [(&'static str, Option<Count>); 3] {
         let with = |mut preconditioner: Box<dyn Preconditioner>| match preconditioner.refresh(&self.matrix) {
             Ok(()) => self.bicgstab(|r, z| preconditioner.apply(r, z), tolerance, patience),
-            Err(_) => Some(Count::Missed),
+            Err(_) => Some(Count::Unconverged),
         };
         [
             ("block-jacobi", with(Box::new(BlockJacobi::new(3)))),

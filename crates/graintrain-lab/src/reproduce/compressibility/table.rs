@@ -10,14 +10,14 @@ pub enum Count {
     /// It reached its tolerance.
     Reached(usize),
     /// It did not.
-    Missed,
+    Unconverged,
 }
 
 impl fmt::Display for Count {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Reached(count) => write!(f, "{count}"),
-            Self::Missed => f.write_str("no"),
+            Self::Unconverged => f.write_str("no"),
         }
     }
 }
