@@ -1,8 +1,9 @@
 //! The graintrain command line as a library, for programs that bring it along; `src/main.rs` is the program
 //! itself.
 //!
-//! Exit codes: 0 done; 1 the work failed (or did not reach its tolerance under `--strict`); 2 bad input; 3 the time
-//! given by `--max-seconds` was up, 130 or 143 stopped by a signal, either after leaving things in order.
+//! Exit codes: 0 done; 1 the work failed (or did not reach its tolerance under `--strict`); 2 bad input; 3
+//! the time given by `--max-seconds` was up, 130 or 143 stopped by a signal, either after leaving things in
+//! order.
 
 #![warn(clippy::print_stdout, clippy::print_stderr)]
 

@@ -112,8 +112,8 @@ impl Log {
     }
 }
 
-/// Tells, each once, of the first step whose solve did not reach its tolerance, of the first bodies that passed into
-/// each other and of the first deep overlap.
+/// Tells, each once, of the first step whose solve did not reach its tolerance, of the first bodies that
+/// passed into each other and of the first deep overlap.
 #[derive(Default)]
 pub struct Warnings {
     /// The first step whose solve did not reach its tolerance.

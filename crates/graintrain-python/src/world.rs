@@ -447,9 +447,9 @@ impl World {
     /// names.
     ///
     /// callback(world) is called after every `every` steps and after the last; it may read and write the
-    /// state, and ends the run by returning True. With strict=True a solve that does not reach its tolerance raises
-    /// NotConverged. Ctrl-C raises KeyboardInterrupt and leaves the state after the last complete step.
-    /// Other Python threads run meanwhile; they must leave this world alone.
+    /// state, and ends the run by returning True. With strict=True a solve that does not reach its tolerance
+    /// raises NotConverged. Ctrl-C raises KeyboardInterrupt and leaves the state after the last complete
+    /// step. Other Python threads run meanwhile; they must leave this world alone.
     #[pyo3(name = "run", signature = (until=None, *, steps=None, callback=None, every=1, strict=false))]
     fn run_until(
         slf: &Bound<'_, Self>,

@@ -255,8 +255,8 @@ impl Surrogates {
     }
 
     /// Mean over the distribution of the share of the surrogate in the variance of each aim; the largest of
-    /// these. 1 for an aim without an error. Where the aims are not reached, the miss counts as variance, too:
-    /// what is certain to be out of reach does not come nearer by more runs.
+    /// these. 1 for an aim without an error. Where the aims are not reached, the miss counts as variance,
+    /// too: what is certain to be out of reach does not come nearer by more runs.
     pub fn unknown_share(&self, distribution: &Distribution) -> f64 {
         let predicted = self.predict(&distribution.points);
         let share = |(aim, predicted): (&Aim, &Vec<Prediction>)| {

@@ -71,8 +71,8 @@ pub fn power_law(points: &[[f64; 2]]) -> Option<[f64; 2]> {
     (logs.len() >= 3 && spread > 1e-6).then(|| [(my - slope * mx).exp(), slope])
 }
 
-/// Ratios "time of a / time of b" on problems that b solved, by contacts; where a did not reach the tolerance within
-/// its time limit its ratio is a lower bound.
+/// Ratios "time of a / time of b" on problems that b solved, by contacts; where a did not reach the tolerance
+/// within its time limit its ratio is a lower bound.
 fn ratios(results: &Results, experiments: &[Experiment], a: &str, b: &str) -> Vec<Ratio> {
     let of = |method: &str| -> Vec<&Solve> {
         let wanted = |solve: &&Solve| {
@@ -262,8 +262,8 @@ fn speed(
     Some(Claim { place, statement, verdict, evidence })
 }
 
-/// The verdict where a method did not reach the tolerance on its largest problem: it fails where ILU got there,
-/// otherwise nothing is decided.
+/// The verdict where a method did not reach the tolerance on its largest problem: it fails where ILU got
+/// there, otherwise nothing is decided.
 fn unsolved(
     results: &Results,
     place: &'static str,
@@ -397,8 +397,8 @@ fn inner_iterations(results: &Results) -> Claim {
         String::new()
     };
     let ratio = ilu.inner_mean / train.inner_mean;
-    // A train that does not reach its tolerance, or has no inverse, on a small problem will not do better on a large
-    // one.
+    // A train that does not reach its tolerance, or has no inverse, on a small problem will not do better on
+    // a large one.
     let verdict = if train.unconverged >= 0.5 || diverged(train) >= 0.5 {
         Verdict::Fails
     } else if (train.contacts as f64) < paper::CROSSOVER_CONTACTS {

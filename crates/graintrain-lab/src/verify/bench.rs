@@ -152,8 +152,8 @@ impl Bench {
         self.steps += 1;
         // A stalled solve within a tenth of the tolerance is round-off.
         let residual = report.solve.residual.measured(self.accuracy.criterion);
-        // Impacts have a tolerance of their own, tighter than most; a step that did not reach it says so by its
-        // status alone.
+        // Impacts have a tolerance of their own, tighter than most; a step that did not reach it says so by
+        // its status alone.
         let impacts = report.impact_residual.measured(self.accuracy.criterion);
         let unconverged = |residual: f64, tolerance: f64| residual.is_nan() || residual > 1.1 * tolerance;
         self.unsolved += usize::from(

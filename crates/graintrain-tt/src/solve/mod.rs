@@ -305,8 +305,8 @@ fn solve_block(
     let mut history = Vec::new();
     let mut ended;
     let mut inner = *settings;
-    // Local residuals promise more than they keep: where the true one does not reach the tolerance the sweeps go on,
-    // tighter.
+    // Local residuals promise more than they keep: where the true one does not reach the tolerance the sweeps
+    // go on, tighter.
     loop {
         ended = SolveStatus::SweepLimit;
         while history.len() + 1 < settings.max_sweeps {

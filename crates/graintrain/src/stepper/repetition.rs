@@ -39,8 +39,9 @@ pub struct Parameters {
     /// Where bodies fall by more than this fraction of the smaller one's size in a step, what they do without
     /// each other says nothing of their contacts.
     pub fallen: f64,
-    /// Rounds of solving a step again with contacts that had not been detected; what still overlaps then is reported.
-    /// Two or three do, but where bodies cross the scene in a step each round may send them on to others.
+    /// Rounds of solving a step again with contacts that had not been detected; what still overlaps then is
+    /// reported. Two or three do, but where bodies cross the scene in a step each round may send them on to
+    /// others.
     pub rounds: usize,
     /// Rounds in which contacts may be left out.
     pub spurious_rounds: usize,
@@ -375,8 +376,8 @@ impl Stepper {
         deep.into_iter().filter_map(mended).collect()
     }
 
-    /// Contacts at the start of the step of pairs that would overlap at its end (`undetected`, with `ends` the
-    /// same contacts carried back); `world` as it was before the step.
+    /// Contacts at the start of the step of pairs that would overlap at its end (`undetected`, with `ends`
+    /// the same contacts carried back); `world` as it was before the step.
     fn new_contacts(
         &self,
         world: &World,
