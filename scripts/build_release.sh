@@ -44,7 +44,7 @@ wheel() {
         python3 -m venv "$target/release-tools"
         "$target/release-tools/bin/python" -m pip install --quiet --disable-pip-version-check "maturin>=1.7,<2" ziglang
     fi
-    PATH=$target/release-tools/bin:$PATH maturin build --profile dist --locked --quiet --zig --compatibility manylinux2014 \
+    PATH=$target/release-tools/bin:$PATH maturin build --profile wheel --locked --quiet --zig --compatibility manylinux2014 \
         --target "$1-unknown-linux-gnu" --out dist
 }
 

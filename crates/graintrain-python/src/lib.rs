@@ -14,6 +14,9 @@
 //! | `picture` | pictures and replays |
 //! | `train` | tensor trains |
 
+// Arguments by keyword, as Python has them.
+#![allow(clippy::too_many_arguments)]
+
 mod arrays;
 mod batch;
 mod building;

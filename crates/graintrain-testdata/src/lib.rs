@@ -1,6 +1,8 @@
 //! Contact problems for graintrain's own tests: those that this project made, with their optima, in
 //! `problems/`, and the way to the public data of others, which lie outside of the repository.
 
+pub mod pages;
+
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 

@@ -66,7 +66,7 @@ pub struct StepReport {
     pub kinetic_energy: f64,
     /// What is left of the contact problem, in physical units.
     pub errors: PhysicalErrors,
-    /// Contacts that arrived with restitution, over all passes of [`crate::impact`].
+    /// Contacts that closed with restitution, over all passes of [`crate::impact`].
     pub impacts: usize,
     /// The worst residual that a solve of theirs was left with. Above the tolerance, the step counts as one
     /// that missed it.
@@ -150,8 +150,8 @@ impl PhysicalErrors {
             let (mut errors, mut least_cosine) = (PhysicalErrors::default(), 1.0_f64);
             for k in range {
                 let (contact, u, g) = (&contacts[k], &u[3 * k..3 * k + 3], &impulse[3 * k..3 * k + 3]);
-                let gives_way = rigid.compliance().get(k).is_some_and(|&c| c > 0.0);
-                let approach = if gives_way { 0.0 } else { -(u[0] + contact.gap.max(0.0) / step) };
+                let is_compliant = rigid.compliance().get(k).is_some_and(|&c| c > 0.0);
+                let approach = if is_compliant { 0.0 } else { -(u[0] + contact.gap.max(0.0) / step) };
                 errors.approach_max = errors.approach_max.max(approach);
                 errors.overlap_per_step_max_over_size =
                     errors.overlap_per_step_max_over_size.max(step * approach / size[k]);

@@ -79,8 +79,8 @@ impl RigidDelassus {
             cell.mobility.iter().all(|m| m.is_finite() && *m >= 0.0),
             "mobilities are finite and not negative"
         );
-        let gives_way = !cell.ways.is_empty() && cell.mobility.iter().any(|m| *m > 0.0);
-        self.cell = gives_way.then_some(cell);
+        let moves = !cell.ways.is_empty() && cell.mobility.iter().any(|m| *m > 0.0);
+        self.cell = moves.then_some(cell);
         self.diagonal = OnceLock::new();
         self
     }

@@ -40,6 +40,8 @@ pub mod lanes;
 mod momentum;
 pub mod octet;
 mod packing;
+#[cfg(test)]
+mod pages;
 pub mod path_following;
 pub mod ranks;
 pub mod report;

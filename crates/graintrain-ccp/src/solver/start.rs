@@ -6,7 +6,7 @@ use crate::problem::Ccp;
 use crate::residual::{FrictionModel, Residual, ResidualScale};
 
 /// Contacts looked at before all of them are.
-const SAMPLE: usize = 64;
+pub(super) const SAMPLE: usize = 64;
 
 /// The residual of a few contacts, evenly spread over the list, with the impulses that act on their bodies:
 /// of a start that is not good enough it tells so at next to no cost. For problems over rigid bodies that no

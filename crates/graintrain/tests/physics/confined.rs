@@ -1,4 +1,4 @@
-//! Bodies between surfaces that slide past each other and cannot give way. Default solver and tolerance.
+//! Bodies between surfaces that slide past each other and cannot move apart. Default solver and tolerance.
 
 use crate::support::*;
 use graintrain::ccp::FrictionModel;

@@ -18,6 +18,7 @@ mod joints;
 mod loads;
 mod meshes;
 mod packings;
+mod pages;
 mod repetition;
 mod rotation;
 mod statics;

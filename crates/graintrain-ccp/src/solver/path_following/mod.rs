@@ -68,7 +68,7 @@ pub struct Walk {
 /// What [`PathFollowing`] is tuned by.
 #[derive(Clone, Debug)]
 pub struct Parameters {
-    /// Walks from `first_tau` down, one after the other until one of them arrives.
+    /// Walks from `first_tau` down, one after the other until one of them converges.
     pub walks: Vec<Walk>,
     /// Walks from the best impulses so far, at `warm_tau` times their residual, tried in turn.
     pub warm_walks: Vec<Walk>,
