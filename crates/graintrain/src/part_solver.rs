@@ -230,16 +230,10 @@ pub(crate) fn solve_without_gain(
     settings: &SolveSettings,
 ) -> Result<SolveReport, CcpError> {
     let mut budget = Budget { solver, problem, settings, left: settings.max_iterations };
-    let mut first = solve_finely_if_few(&mut budget, few, g)?;
-    let measured = first.residual.measured(settings.criterion);
-    if first.status == Status::Stalled && measured <= 2.0 * settings.tolerance && budget.goes_on(&first) {
-        // With a heavy body on a light one the iteration and the report differ by rounding: it has to aim a
-        // little lower.
-        first = budget.solve(g, 0.5 * settings.tolerance, None)?.after(&first);
-    }
+    let first = solve_finely_if_few(&mut budget, few, g)?;
     let mut report = first.clone();
     let mut kept = Vec::new();
-    for tighter in [0.3, 0.1, 0.03] {
+    for tighter in [Some(0.3), Some(0.1), None] {
         let along: f64 = g.iter().zip(&problem.r).map(|(g, r)| g * r).sum();
         // The objective is 1/2 g . N g + g . r.
         let (gain, square) = (2.0 * report.objective - along, 2.0 * (report.objective - along));
@@ -256,9 +250,7 @@ pub(crate) fn solve_without_gain(
         if report.status != Status::Converged || budget.is_good(&report) {
             return Ok(report);
         }
-        if budget.left == Some(0) {
-            break;
-        }
+        let Some(tighter) = tighter.filter(|_| budget.left != Some(0)) else { break };
         report = budget.solve(g, tighter * settings.tolerance, None)?.after(&report);
         if !report.converged() && report.status != Status::Stopped {
             break;

@@ -69,7 +69,7 @@ pub struct RaceParameters {
 
 impl Default for RaceParameters {
     fn default() -> Self {
-        Self { turn: (1.0 / 12.0, [500, 2500]), first: 4, gradients_first: [65_536, 8_192], longest: 10_000 }
+        Self { turn: (1.0 / 12.0, [500, 2500]), first: 4, gradients_first: [65_536, 8_192], longest: 40_000 }
     }
 }
 
