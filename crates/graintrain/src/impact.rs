@@ -7,8 +7,9 @@
 //! v' = v + M^-1 D g,   Y_i contains g_i perpendicular to D_i^T v' + (e_i D_i,n^T v, 0, 0) in Y_i^*
 //! ```
 //!
-//! so that each parts with e times the velocity at which it touches; then those that close because of it, and
-//! so on, until none is left. Forces, and contacts that rest or only touch, are left to the contact problem,
+//! so that each parts with e times the velocity at which it touches; then those that still close, or close
+//! because of it, and so on, until none is left. A pass takes the contacts that touch first among those of
+//! their bodies. Forces, and contacts that rest or only touch, are left to the contact problem,
 //! which starts from v'.
 //!
 //! A contact with a gap Phi touches only after it, at u_t^2 = u^2 + 2 a Phi under a relative acceleration a,
@@ -35,6 +36,7 @@ use crate::joint::mechanism::coupled_in_impacts;
 use crate::math::Vec3;
 use crate::part_solver::as_matrix_unless_plain;
 use crate::parts::{Part, parts};
+use crate::stepper::RepetitionParameters as Repetition;
 use crate::world::World;
 use graintrain_ccp::{
     BodyInverseMass, Ccp, CcpError, CcpSolver, CoupledBodies, Delassus, FrictionModel, Residual,
@@ -69,6 +71,9 @@ impl Default for Parameters {
     }
 }
 
+/// Contacts whose touches are nearer in time than this fraction of a step touch together.
+const SAME_TIME: f64 = 1e-6;
+
 /// What the impacts of a step did.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Impacts {
@@ -97,6 +102,8 @@ pub(crate) struct Rows<'a> {
 /// Solves the small problems of impacts.
 pub(crate) struct ImpactSolver<'a> {
     pub solver: &'a mut dyn CcpSolver,
+    pub collider: &'a Collider,
+    pub repetition: &'a Repetition,
     pub parameters: &'a Parameters,
     pub friction: FrictionModel,
     pub stop: Option<Arc<AtomicBool>>,
@@ -135,7 +142,9 @@ impl ImpactSolver<'_> {
                 gap <= 0.0 || gap + step * motion.later[3 * *i as usize] <= 0.0
             };
             let approaching = (0..of.contacts.len() as u32).filter(approaches);
-            let closing: Vec<u32> = approaching.filter(closes).collect();
+            let meets = |i: &u32| !self.passes(world, &of.contacts[*i as usize], &motion, *i, step);
+            let closing: Vec<u32> = approaching.filter(closes).filter(meets).collect();
+            let closing = first_of_bodies(world, of.contacts, &coupled, &closing, (&motion.now, step));
             if pass == self.parameters.passes {
                 found.lowered += closing.len();
                 break;
@@ -168,6 +177,31 @@ impl ImpactSolver<'_> {
             velocity.zip(known).for_each(|(v, (before, along))| *v = before + (*v - along));
         }
         Ok(Some(found))
+    }
+
+    /// Whether the bodies of a contact with a gap pass each other, overlapping on their way by no more than a
+    /// fifth of what Phi + dt u_n says: the plane of an edge bars a way that leads past it, as that of the
+    /// next tile does for a ball that rolls. As they move now, for a floor carries what rolls; where that
+    /// brings them nowhere near, as they fall.
+    fn passes(&self, world: &World, contact: &Contact, motion: &Motion, index: u32, step: f64) -> bool {
+        let pair = [contact.body_a.min(contact.body_b), contact.body_a.max(contact.body_b)];
+        let balls = pair.iter().filter(|&&body| self.collider.is_ball(world, body as usize)).count();
+        if contact.gap <= 0.0 || balls != 1 {
+            return false;
+        }
+        let [now, later] = motion.normal(index as usize).map(|u| contact.gap + step * u);
+        let (foreseen, falls) = if now < 0.0 { (now, 0.0) } else { (later, 0.5) };
+        let velocities = pair.map(|body| {
+            let six = 6 * body as usize..6 * body as usize + 6;
+            let (now, later) = (&motion.driven[six.clone()], &motion.free[six]);
+            [0, 3].map(|k| {
+                let (now, later) = (Vec3::from_slice(&now[k..k + 3]), Vec3::from_slice(&later[k..k + 3]));
+                now + falls * (later - now)
+            })
+        });
+        let Repetition { spurious, undetected, .. } = *self.repetition;
+        let allowed = (-spurious * foreseen).min(undetected * self.collider.contact_size(world, contact));
+        self.collider.pass_freely(world, pair, velocities, step, allowed, 0.0)
     }
 
     /// One part of a pass; `restitution` of the contacts of the part.
@@ -239,6 +273,34 @@ impl ImpactSolver<'_> {
         found.residual = found.residual.worse(report.residual);
         Ok((report.status != Status::Stopped).then_some(g))
     }
+}
+
+/// Those of the closing contacts before which none of their two bodies touches anything else: what a body
+/// would meet later, it meets deflected, if at all. Contacts that touch at the same time stay together, and
+/// those of bodies that joints couple: what touches one of them deflects all.
+fn first_of_bodies(
+    world: &World,
+    contacts: &[Contact],
+    coupled: &[CoupledBodies],
+    closing: &[u32],
+    (now, step): (&[f64], f64),
+) -> Vec<u32> {
+    let mut is_single: Vec<bool> = (0..world.bodies.len()).map(|body| !world.is_prescribed(body)).collect();
+    for &body in coupled.iter().flat_map(|mechanism| &mechanism.bodies) {
+        is_single[body as usize] = false;
+    }
+    let time = |i: u32| contacts[i as usize].gap.max(0.0) / -now[3 * i as usize];
+    let bodies = |i: u32| [contacts[i as usize].body_a as usize, contacts[i as usize].body_b as usize];
+    let mut first = vec![f64::INFINITY; world.bodies.len()];
+    for &i in closing {
+        for body in bodies(i) {
+            first[body] = first[body].min(time(i));
+        }
+    }
+    let is_first = |&i: &u32| {
+        bodies(i).iter().all(|&body| !is_single[body] || time(i) <= first[body] + SAME_TIME * step)
+    };
+    closing.iter().copied().filter(is_first).collect()
 }
 
 /// Gives contacts of pairs with restitution the arms that they have when the bodies touch, where they still

@@ -214,6 +214,8 @@ impl Stepper {
     fn resolve_impacts(&mut self, world: &World, of: Rows<'_>) -> Result<Impacts, StepError> {
         let mut impacts = ImpactSolver {
             solver: self.impacts.as_mut(),
+            collider: &self.collider,
+            repetition: &self.parameters.repetition,
             parameters: &self.parameters.impacts,
             friction: self.settings.solver.friction,
             stop: self.stop.clone(),

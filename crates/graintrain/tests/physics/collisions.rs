@@ -181,3 +181,53 @@ fn what_is_fast_does_not_pass_a_thin_plate() {
         assert_eq!(through, 0, "{shape:?} at {speed} m/s");
     }
 }
+
+/// A floor of box tiles flush with z = 0, as many as given, `pitch` wide, from x = 0 on.
+fn tiled_floor(world: &mut World, tiles: usize, pitch: f64) {
+    let form = world.add_geometry(Geometry::cuboid(Vec3::new(0.5 * pitch, 0.5, 0.05)).unwrap());
+    let fixed = world.add_motion(Motion::fixed()).unwrap();
+    for k in 0..tiles {
+        let place = Vec3::new((k as f64 + 0.5) * pitch, 0.0, -0.05);
+        world.add_body(Body { motion: fixed, ..Body::new(form, MaterialId::default(), place) }).unwrap();
+    }
+}
+
+/// Without friction a flat floor leaves the horizontal velocity of a ball that bounces, wherever before a seam
+/// of its tiles it lands: the edge beyond would be met later, and is not met at all after the bounce.
+#[test]
+fn a_bounce_before_a_seam_is_straight() {
+    for (step, before) in [(1e-3, 0.003), (1e-2, 0.003), (1e-2, 0.012), (1e-2, 0.024)] {
+        let mut world = world(0.0, 0.8);
+        tiled_floor(&mut world, 2, 2.0);
+        let fall = (0.4_f64 / G).sqrt();
+        let ball = add_sphere(&mut world, 0.05, Vec3::new(2.0 - before - fall, 0.0, 0.25));
+        world.bodies.velocity[ball] = Vec3::X;
+        let mut stepper =
+            Stepper::new(StepSettings { step, envelope: 1e-3, ..StepSettings::default() }).unwrap();
+        while world.time < fall + 0.06 {
+            solved_step(&mut stepper, &mut world);
+        }
+        let left = world.bodies.velocity[ball];
+        assert!((left.x - 1.0).abs() < 1e-9 && left.z > 0.0, "{step} s, {before} m before: {left}");
+    }
+}
+
+/// A ball that rolls over tiles does not bounce on their edges.
+#[test]
+fn what_bounces_rolls_over_tiles() {
+    for (step, restitution, friction) in [(2e-3, 0.5, 0.5), (5e-3, 0.5, 0.5), (5e-3, 0.9, 0.0)] {
+        let mut world = world(friction, restitution);
+        tiled_floor(&mut world, 20, 0.137);
+        let ball = add_sphere(&mut world, 0.05, Vec3::new(0.2, 0.01, 0.05));
+        world.bodies.velocity[ball] = Vec3::X;
+        world.bodies.angular_velocity[ball] = if friction > 0.0 { 20.0 * Vec3::Y } else { Vec3::ZERO };
+        let mut stepper =
+            Stepper::new(StepSettings { step, envelope: 1e-3, ..StepSettings::default() }).unwrap();
+        while world.time < 2.0 {
+            solved_step(&mut stepper, &mut world);
+        }
+        let (place, left) = (world.bodies.position[ball], world.bodies.velocity[ball]);
+        assert!((left.x - 1.0).abs() < 1e-3, "{step} s, e = {restitution}: {left}");
+        assert!((place.z - 0.05).abs() < 1e-4, "{step} s, e = {restitution}: {place}");
+    }
+}
