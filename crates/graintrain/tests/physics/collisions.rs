@@ -192,8 +192,8 @@ fn tiled_floor(world: &mut World, tiles: usize, pitch: f64) {
     }
 }
 
-/// Without friction a flat floor leaves the horizontal velocity of a ball that bounces, wherever before a seam
-/// of its tiles it lands: the edge beyond would be met later, and is not met at all after the bounce.
+/// Without friction a flat floor leaves the horizontal velocity of a ball that bounces, wherever before a
+/// seam of its tiles it lands: the edge beyond would be met later, and is not met at all after the bounce.
 #[test]
 fn a_bounce_before_a_seam_is_straight() {
     for (step, before) in [(1e-3, 0.003), (1e-2, 0.003), (1e-2, 0.012), (1e-2, 0.024)] {

@@ -130,8 +130,8 @@ impl<'a> Follower<'a> {
         }
     }
 
-    /// All walks, until one of them converges: from impulses g where these are near a solution, then from large
-    /// tau.
+    /// All walks, until one of them converges: from impulses g where these are near a solution, then from
+    /// large tau.
     pub fn run(&mut self, g: &[f64]) -> Status {
         self.impulse.copy_from_slice(g);
         self.update_velocity();
