@@ -14,6 +14,7 @@ use graintrain_lab::sweep::execute::{Execution, Outcome, Progress, check, execut
 use graintrain_lab::sweep::plan::{Cell, Plan};
 use graintrain_lab::sweep::report::{shown, with_error};
 use indicatif::{ProgressBar, ProgressStyle};
+use std::collections::BTreeMap;
 use std::io::IsTerminal;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -227,13 +228,14 @@ impl Made {
     fn warn_of_other_moments(&self) {
         let runs = self.cells.len();
         let samples = || self.collected.samples.iter().flatten();
-        let left: Vec<&[String]> =
-            samples().map(|sample| sample.stages_left.as_slice()).filter(|left| !left.is_empty()).collect();
-        if let Some([first, ..]) = left.first() {
+        let mut left = BTreeMap::<&str, usize>::new();
+        for first in samples().filter_map(|sample| sample.stages_left.first()) {
+            *left.entry(first).or_default() += 1;
+        }
+        for (first, count) in left {
             tell!(
-                "warning: in {} of {runs} runs the stage `{first}` never began: their figures are those of the stages before it. A longer \
-                 `time.end`, or a `time` for the stage before",
-                left.len()
+                "warning: in {count} of {runs} runs the stage `{first}` never began: their figures are those of the stages before it. \
+                 A longer `time.end`, or a `time` for the stage before"
             );
         }
         let is_unsteady = |sample: &&Sample| self.names.iter().any(|name| sample.unsteady.contains(name));

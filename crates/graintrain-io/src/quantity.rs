@@ -95,8 +95,14 @@ macro_rules! reduced {
     (first) => {
         "first step, from 1, where it is not zero: "
     };
-    (unconverged) => {
-        "steps whose solve did not reach the tolerance: "
+}
+
+macro_rules! figure_meaning {
+    (unconverged, $meaning:literal) => {
+        "steps whose solve did not reach the tolerance"
+    };
+    ($how:ident, $meaning:literal) => {
+        concat!(reduced!($how), $meaning)
     };
 }
 
@@ -111,13 +117,13 @@ macro_rules! quantities {
 
         /// Name, unit and meaning of the [`Figures`], in their order.
         pub const FIGURES: &[Column] = &[$($(
-            column(stringify!($figure), figure_unit!($how, $unit), concat!(reduced!($how), $meaning)),
+            column(stringify!($figure), figure_unit!($how, $unit), figure_meaning!($how, $meaning)),
         )*)*];
 
         /// What the steps of a run come to, in figures.
         #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
         pub struct Figures {
-            $($(#[doc = concat!(reduced!($how), $meaning, " (", figure_unit!($how, $unit), ")")]
+            $($(#[doc = concat!(figure_meaning!($how, $meaning), " (", figure_unit!($how, $unit), ")")]
             pub $figure: $type,)*)*
         }
 
@@ -176,7 +182,7 @@ quantities! {
         impacts: u64 = sum;
     impact_residual: "1", "worst residual of a solve of impacts; above the tolerance the step counts as not converged", |r| r.impact_residual.max;
         impact_residual_max: f64 = max;
-    restitution_lowered: "1", "connected parts whose restitution was lowered, because it would have made energy", |r| r.restitution_lowered as u64;
+    restitution_lowered: "1", "connected parts whose restitution was lowered, because it would have made energy, and contacts that still closed after the last pass", |r| r.restitution_lowered as u64;
         restitution_lowered: u64 = sum;
     contacts_added: "1", "contacts that joined the problem after a solve, or were linearised again", |r| r.contacts_added as u64;
         contacts_added_after_solve: u64 = sum;

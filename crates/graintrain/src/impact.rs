@@ -14,13 +14,13 @@
 //!
 //! A contact with a gap Phi touches only after it, at u_t^2 = u^2 + 2 a Phi under a relative acceleration a,
 //! and has lost the height Phi again when it is back where the step finds it: there it parts with
-//! `u'^2 = e^2 u_t^2 - 2 a Phi`, of which [`at_start`] makes the e_i above. So a bounce reaches e^2 times its
-//! height at any step. Joints hold in impacts, motors with a limit and springs have no
-//! time to act, and stops neither. Rolling and spinning friction act on lasting contact alone: their moments
-//! grow with the time that a contact takes, which an impact does not have. A collision that runs through a
-//! row of bodies (Newton's cradle) takes one pass per contact.
+//! `u'^2 = e^2 u_t^2 - 2 a Phi`, of which `at_start` makes the e_i above. So a ball that falls on what is
+//! held or rests reaches e^2 times its height at any step. Joints hold in impacts, motors with a limit and
+//! springs have no time to act, and stops neither. Rolling and spinning friction act on lasting contact
+//! alone: their moments grow with the time that a contact takes, which an impact does not have. A collision
+//! that runs through a row of bodies (Newton's cradle) takes one pass per contact.
 //!
-//! Without friction and with one e for all contacts a pass cannot make energy (J. J. Moreau, "Unilateral
+//! Without friction and with one e_i for all contacts a pass cannot make energy (J. J. Moreau, "Unilateral
 //! contact and dry friction in finite freedom dynamics", 1988: e = 1 keeps it exactly); with friction, or
 //! with several e, Newton's law can (T. R. Kane, D. A. Levinson, "Dynamics", 1985). Where it would, the
 //! impulses are taken on the line from those of a plastic impact to these, as far as energy allows: both lie
@@ -133,7 +133,7 @@ impl ImpactSolver<'_> {
             .map(|[a, b]| self.parameters.resting * a.max(b) * step)
             .collect();
         let (coupled, projected) = along_joints(world, &mut found.velocity, step);
-        let mut motion = Motion::of(world, of, &found.velocity, step);
+        let mut motion = Motion::of(world, of, &coupled, &found.velocity, step);
         for pass in 0..=self.parameters.passes {
             let approaches =
                 |i: &u32| restitution[*i as usize] > 0.0 && motion.now[3 * *i as usize] < -slow[*i as usize];
@@ -143,8 +143,11 @@ impl ImpactSolver<'_> {
             };
             let approaching = (0..of.contacts.len() as u32).filter(approaches);
             let meets = |i: &u32| !self.passes(world, &of.contacts[*i as usize], &motion, *i, step);
-            let closing: Vec<u32> = approaching.filter(closes).filter(meets).collect();
-            let closing = first_of_bodies(world, of.contacts, &coupled, &closing, (&motion.now, step));
+            let mut closing: Vec<u32> = approaching.filter(closes).filter(meets).collect();
+            // What meets more others than that in a step meets the rest of them at once.
+            if 2 * pass < self.parameters.passes {
+                closing = first_of_bodies(world, of.contacts, &coupled, &closing, (&motion.now, step));
+            }
             if pass == self.parameters.passes {
                 found.lowered += closing.len();
                 break;
@@ -161,7 +164,10 @@ impl ImpactSolver<'_> {
                     .contacts
                     .iter()
                     .map(|&i| i as usize)
-                    .map(|i| at_start(restitution[i], of.contacts[i].gap, motion.normal(i), step))
+                    .map(|i| {
+                        let fall = motion.fall[i] / step * of.contacts[i].gap.max(0.0);
+                        at_start(restitution[i], motion.now[3 * i], fall)
+                    })
                     .collect();
                 let Some(()) = self.solve(&part, (of, &coupled), [&e, &friction], &motion.now, &mut found)?
                 else {
@@ -190,7 +196,7 @@ impl ImpactSolver<'_> {
             return false;
         }
         let [now, later] = motion.normal(index as usize).map(|u| contact.gap + step * u);
-        let (foreseen, falls) = if now < 0.0 { (now, 0.0) } else { (later, 0.5) };
+        let (foreseen, falls) = if now < 0.0 { (now, 0.0) } else { (later, 1.0) };
         let velocities = pair.map(|body| {
             let six = 6 * body as usize..6 * body as usize + 6;
             let (now, later) = (&motion.driven[six.clone()], &motion.free[six]);
@@ -358,15 +364,29 @@ struct Motion {
     /// Relative velocities of the contacts with `driven` and with `free`.
     now: Vec<f64>,
     later: Vec<f64>,
+    /// By how much contacts close faster after the step because their bodies fall, one number each: as
+    /// joints let them, and those that no contact carried in the last step.
+    fall: Vec<f64>,
 }
 
 impl Motion {
-    fn of(world: &World, of: Rows<'_>, velocity: &[f64], step: f64) -> Self {
+    fn of(world: &World, of: Rows<'_>, coupled: &[CoupledBodies], velocity: &[f64], step: f64) -> Self {
         let free = free_velocity(world, velocity, step);
         let driven = with_driven(world, velocity, &free);
-        let [now, later] =
-            [&driven, &free].map(|v| relative_velocities(world.cell(), of.contacts, of.rows, v));
-        Self { free, driven, now, later }
+        let mut falling = free.clone();
+        if !coupled.is_empty() {
+            coupled_in_impacts(world, &mut falling, step);
+        }
+        let pressed = world.contacts.contacts.iter().zip(&world.contacts.impulse);
+        let carried = pressed.filter(|(_, g)| **g != Vec3::ZERO).flat_map(|(c, _)| [c.body_a, c.body_b]);
+        for body in carried {
+            let six = 6 * body as usize..6 * body as usize + 6;
+            falling[six.clone()].copy_from_slice(&driven[six]);
+        }
+        let [now, later, falling] =
+            [&driven, &free, &falling].map(|v| relative_velocities(world.cell(), of.contacts, of.rows, v));
+        let fall = now.iter().zip(&falling).step_by(3).map(|(now, falling)| now - falling).collect();
+        Self { free, driven, now, later, fall }
     }
 
     /// Normal velocities of a contact: now, and after the step if no contact acted.
@@ -402,16 +422,19 @@ impl Motion {
 }
 
 /// The restitution with which a contact parts at the start of a step where it has the gap Phi and closes at u
-/// < 0, so that it has e times the velocity of its touch when it has crossed the gap twice,
+/// < 0, so that it has e times the velocity of its touch when it has crossed the gap twice under the relative
+/// acceleration a (m/s^2) of bodies that nothing carries,
 ///
 /// ```text
-/// e_start^2 = e^2 - (1 - e^2) 2 a Phi / u^2,   a = (u - u_later) / dt;
+/// e_start^2 = e^2 - (1 - e^2) 2 a Phi / u^2;
 /// ```
 ///
-/// 0 where it does not come back as far within its bounce. `u` is [now, after the step if no contact acted].
-fn at_start(e: f64, gap: f64, [now, later]: [f64; 2], step: f64) -> f64 {
-    let fall = 2.0 * (now - later) / step * gap.max(0.0);
-    (e * e - (1.0 - e * e) * fall / (now * now)).clamp(0.0, 1.0).sqrt()
+/// 0 where it does not come back as far within its bounce. `fall` is a Phi, m^2/s^2.
+fn at_start(e: f64, u: f64, fall: f64) -> f64 {
+    if fall == 0.0 {
+        return e;
+    }
+    (e * e - (1.0 - e * e) * 2.0 * fall / (u * u)).clamp(0.0, 1.0).sqrt()
 }
 
 /// Velocities with those of prescribed degrees of freedom taken from `free`: the ones that hold during this

@@ -310,8 +310,8 @@ fn exerted(world: &World, contacts: Vec<Contact>, attempt: &Attempt) -> (Contact
     (ContactSet { contacts, impulse, friction, moment, curvature }, count)
 }
 
-/// The time a step after `time`, s: where that is a whole number of steps from zero, the number nearest to
-/// it, so that no sum of rounded steps drifts and 9 steps of 1 ms are 0.009 s.
+/// The time a step after `time`, s: where that is a whole number of steps from zero, their product, so that
+/// no sum of rounded steps drifts; where the step is 1 / n s, the quotient: 9 steps of 1 ms are 0.009 s.
 fn after(time: f64, step: f64) -> f64 {
     let sum = time + step;
     let (count, rate) = ((sum / step).round(), (1.0 / step).round());

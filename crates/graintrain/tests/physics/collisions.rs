@@ -231,3 +231,23 @@ fn what_bounces_rolls_over_tiles() {
         assert!((place.z - 0.05).abs() < 1e-4, "{step} s, e = {restitution}: {place}");
     }
 }
+
+/// A body that meets more others in a step than there are passes bounces off all of them.
+#[test]
+fn a_plate_meets_many_balls_in_a_step() {
+    let mut world = world(0.0, 0.5);
+    world.gravity = Vec3::ZERO;
+    let form = world.add_geometry(Geometry::cuboid(Vec3::new(0.5, 0.5, 0.5)).unwrap());
+    let plate = world.add_body(Body::new(form, MaterialId::default(), Vec3::new(0.0, 0.0, -0.5))).unwrap();
+    world.bodies.velocity[plate.index()] = Vec3::Z;
+    for k in 0..64 {
+        let gap = 1e-4 + 1.7e-3 * scattered(k, 0.7);
+        let place = Vec3::new(0.05 * f64::from(k % 8) - 0.175, 0.05 * f64::from(k / 8) - 0.175, 0.01 + gap);
+        add_sphere(&mut world, 0.01, place);
+    }
+    let settings = StepSettings { step: 2e-3, envelope: 1e-3, ..StepSettings::default() };
+    let report = solved_step(&mut Stepper::new(settings).unwrap(), &mut world);
+    assert!(report.impacts >= 64 && report.restitution_lowered == 0, "{} impacts", report.impacts);
+    let slowest = world.bodies.velocity[1..].iter().map(|v| v.z).fold(f64::INFINITY, f64::min);
+    assert!(slowest > 1.45, "{slowest}");
+}

@@ -68,6 +68,42 @@ fn bounces_reach_the_square_of_the_restitution_times_their_height() {
     }
 }
 
+/// Nor is a bounce lost where the ball touches the floor just after a step begins, or just before its end.
+#[test]
+fn bounces_do_not_depend_on_the_phase_of_the_touch() {
+    let step = 5e-3_f64;
+    for (restitution, k) in [0.6, 1.0].into_iter().flat_map(|e| (0..10).map(move |k| (e, k))) {
+        let mut world = world(0.3, restitution);
+        add_ground(&mut world, 0.0);
+        let phase = 0.1 * f64::from(k) + 0.02;
+        let height = 0.5 * G * ((40.0 + phase) * step).powi(2);
+        let ball = add_sphere(&mut world, 0.05, Vec3::new(0.0, 0.0, 0.05 + height));
+        run(&mut default_stepper(step), &mut world, 50);
+        let (place, speed) = (world.bodies.position[ball].z, world.bodies.velocity[ball].z);
+        let reached = (place - 0.05 + speed * speed / (2.0 * G)) / height;
+        let expected = restitution * restitution;
+        assert!((reached - expected).abs() < 1e-8, "e = {restitution}, phase {phase}: {reached}");
+    }
+}
+
+/// A heavy slab that rests on the ground carries a bounce as the ground does, though it is free to fall.
+#[test]
+fn a_free_slab_that_rests_carries_a_bounce() {
+    let step = 5e-3_f64;
+    for phase in [0.1, 0.4, 0.7] {
+        let mut world = world(0.3, 0.6);
+        add_ground(&mut world, 0.0);
+        let slab = world.add_geometry(Geometry::cuboid(Vec3::new(0.5, 0.5, 0.05)).unwrap());
+        world.add_body(Body::new(slab, MaterialId::default(), Vec3::new(0.0, 0.0, 0.05))).unwrap();
+        let height = 0.5 * G * ((40.0 + phase) * step).powi(2);
+        let ball = add_sphere(&mut world, 0.01, Vec3::new(0.0, 0.0, 0.11 + height));
+        run(&mut default_stepper(step), &mut world, 48);
+        let (place, speed) = (world.bodies.position[ball].z, world.bodies.velocity[ball].z);
+        let reached = (place - 0.11 + speed * speed / (2.0 * G)) / height;
+        assert!((reached - 0.36).abs() < 0.01, "phase {phase}: {reached}");
+    }
+}
+
 /// Free bodies that tumble, one of them about its middle axis, keep angular momentum and energy.
 #[test]
 fn what_tumbles_keeps_its_angular_momentum() {
