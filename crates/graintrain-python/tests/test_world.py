@@ -292,3 +292,14 @@ def test_strict_runs_raise():
     with pytest.raises(graintrain.NotConverged, match="residual"):
         world.run(1.0, strict=True)
     assert isinstance(graintrain.NotConverged("x"), graintrain.StepError)
+
+
+def test_a_step_report_has_the_columns_of_steps_csv(drop):
+    report = drop.step()
+    columns = report.to_dict()
+    assert report.contacts == columns["contacts"] > 0
+    assert report.status == "converged" and isinstance(report.cone_excess, float)
+    assert report.rank_matrix is None
+    assert set(columns) <= set(dir(report)) and "solve" in dir(report)
+    with pytest.raises(AttributeError, match="dir"):
+        report.penetration
