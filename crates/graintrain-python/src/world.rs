@@ -549,7 +549,10 @@ impl World {
     /// Sums and extremes over all steps so far, as in summary.json of a run.
     #[getter]
     fn totals<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        plain(py, &self.run().totals)
+        let totals = plain(py, &self.run().totals)?;
+        let figures = totals.call_method1("pop", ("figures",))?;
+        totals.call_method1("update", (figures,))?;
+        Ok(totals)
     }
 
     /// Simulated time, s.
