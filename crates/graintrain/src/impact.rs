@@ -379,7 +379,11 @@ impl Motion {
         }
         let pressed = world.contacts.contacts.iter().zip(&world.contacts.impulse);
         let carried = pressed.filter(|(_, g)| **g != Vec3::ZERO).flat_map(|(c, _)| [c.body_a, c.body_b]);
-        for body in carried {
+        // A link that a contact carries does not hold the rest of its mechanism.
+        let mut is_linked = vec![false; world.bodies.len()];
+        let links = coupled.iter().flat_map(|mechanism| &mechanism.bodies);
+        links.for_each(|&body| is_linked[body as usize] = true);
+        for body in carried.filter(|&body| !is_linked[body as usize]) {
             let six = 6 * body as usize..6 * body as usize + 6;
             falling[six.clone()].copy_from_slice(&driven[six]);
         }

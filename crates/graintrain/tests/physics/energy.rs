@@ -210,7 +210,7 @@ fn jointed(seed: u64, restitution: f64, friction: f64) -> World {
 /// Velocities that do not lie along the joints, where impacts find them, gave twenty times of it.
 #[test]
 fn energy_never_rises_with_joints() {
-    let (mut worst, mut risen) = (0.0_f64, 0);
+    let mut worst = 0.0_f64;
     for seed in 1..=20 {
         let model = BOTH[seed as usize % 2];
         let restitution = [0.0, 0.5, 0.9][seed as usize % 3];
@@ -233,9 +233,7 @@ fn energy_never_rises_with_joints() {
             }
             unconverged += usize::from(!report.solve.converged());
         }
-        // Which of a hundred seeds rise by more than a twentieth (three to four) changes with the last bit.
-        assert!(rise < 0.5, "seed {seed}, {model:?}, e = {restitution}: {rise:.1e} of {first:.1e} J");
-        risen += usize::from(rise > 0.05);
+        assert!(rise < 0.05, "seed {seed}, {model:?}, e = {restitution}: {rise:.1e} of {first:.1e} J");
         assert!(
             open < 1e-3,
             "seed {seed}, {model:?}, e = {restitution}: {open:.1e} m in a step that converged"
@@ -246,6 +244,5 @@ fn energy_never_rises_with_joints() {
         );
         worst = worst.max(rise);
     }
-    assert!(risen <= 2, "{risen} of 20 rise by more than a twentieth");
     println!("largest rise {worst:.1e}");
 }
