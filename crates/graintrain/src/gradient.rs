@@ -5,22 +5,22 @@
 //! contact problem,
 //!
 //! ```text
-//! v+ = v* + M^-1 D g
+//! m = v* + M^-1 D g,      v+ = V(v, m)
 //! ```
 //!
-//! Of a number L with dL = n . dv+ (a vector-Jacobian product), with the adjoint of g for y = D^T M^-1 n
-//! ([`graintrain_ccp::sensitivity`]): dL/dv* = n + D dL/dr, and from there by the chain rule of v*(v, f).
-//! Contacts, their gaps and frames belong to the positions, which stay.
+//! with the mean velocities m of the step and V of [`crate::integrate`], which is m but for the turning of
+//! bodies that are no balls. Of a number L with dL = n . dv+ (a vector-Jacobian product), k = n dV/dm, and
+//! with the adjoint of g for y = D^T M^-1 k ([`graintrain_ccp::sensitivity`]): dL/dv* = k + D dL/dr, and from
+//! there by the chain rule of v*(v, f). Contacts, their gaps and frames belong to the positions, which stay.
 //!
 //! There is a derivative where every contact is strictly apart, sticking or sliding. Contacts that only
 //! velocities make contacts, and what else a step does by decisions, have none, and [`GradientError`] says
-//! so: impacts with restitution, contacts found in the midst of the step, drag. Turns that take the angular
-//! velocity with them, those that mend overlap and those that keep the angular momentum of what flies, are
-//! left out.
+//! so: impacts with restitution, contacts found in the midst of the step, drag. Turns that mend overlap and
+//! take the angular velocity with them are left out.
 
 use crate::contact::Contact;
 use crate::handle::MaterialId;
-use crate::integrate::free_velocity_derivative;
+use crate::integrate::{Rotor, free_velocity_derivative, world_inertia};
 use crate::load::Action;
 use crate::math::Vec3;
 use crate::stepper::{SolverChoice, StepError, StepSettings, Stepper};
@@ -194,10 +194,11 @@ impl StepGradient {
             return Err(GradientError::Contact { source, bodies: None });
         };
         let mut y = vec![0.0; self.problem.r.len()];
-        rigid.relative_velocity(&masked(rigid, cotangent), &mut y);
+        let by_mean = self.by_mean(cotangent);
+        rigid.relative_velocity(&masked(rigid, &by_mean), &mut y);
         let Adjoint { r, friction } =
             self.sensitivity.adjoint(&y).map_err(|source| GradientError::Contact { source, bodies: None })?;
-        let mut by_free = cotangent.to_vec();
+        let mut by_free = by_mean.clone();
         add_transposed(rigid, &r, &mut by_free);
         let (mut velocity, mut force) = (vec![0.0; expected], vec![0.0; expected]);
         let rows = velocity.chunks_exact_mut(6).zip(force.chunks_exact_mut(6));
@@ -206,7 +207,10 @@ impl StepGradient {
             let (u, w) = (Vec3::from_slice(&n[..3]), Vec3::from_slice(&n[3..]));
             let on_velocity = linear * u;
             velocity[..3].copy_from_slice(&on_velocity.to_array());
-            velocity[3..].copy_from_slice(&(by_spin.transpose() * w).to_array());
+            let coasting = self.rotor(body).derivative(self.spin(body), self.step, |turn| turn.mean);
+            let at_once = Vec3::from_slice(&by_mean[6 * body + 3..]);
+            let on_spin = by_spin.transpose() * w + at_once - coasting.transpose() * at_once;
+            velocity[3..].copy_from_slice(&on_spin.to_array());
             if on_velocity != Vec3::ZERO {
                 let on_force = self.step / self.before.bodies.mass[body] * on_velocity;
                 force[..3].copy_from_slice(&on_force.to_array());
@@ -214,6 +218,30 @@ impl StepGradient {
             force[3..].copy_from_slice(&(by_torque.transpose() * w).to_array());
         }
         Ok(Pullback { velocity, force, friction })
+    }
+
+    /// k = n dV/dm, six numbers per body.
+    fn by_mean(&self, n: &[f64]) -> Vec<f64> {
+        let mut by_mean = n.to_vec();
+        let bodies = &self.after.bodies;
+        for (body, k) in by_mean.chunks_exact_mut(6).enumerate() {
+            let inertia = bodies.inertia[body];
+            let momentum = world_inertia(inertia, bodies.orientation[body]) * bodies.angular_velocity[body];
+            // What torques made of the spin at the start: the angular momentum stays from there on.
+            let kicked = world_inertia(inertia, self.before.bodies.orientation[body]).inverse() * momentum;
+            let by_kick = self.rotor(body).derivative(kicked, self.step, |turn| turn.spin);
+            let turned = by_kick.transpose() * Vec3::from_slice(&k[3..]);
+            k[3..].copy_from_slice(&turned.to_array());
+        }
+        by_mean
+    }
+
+    fn rotor(&self, body: usize) -> Rotor {
+        Rotor::of(&self.before, body)
+    }
+
+    fn spin(&self, body: usize) -> Vec3 {
+        self.before.bodies.angular_velocity[body]
     }
 
     /// Sums derivatives by the contacts' coefficients to those by the coefficients of pairs of materials:

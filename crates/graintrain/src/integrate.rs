@@ -1,7 +1,7 @@
 //! Velocities that bodies would have without contact, and the update of positions and rotations.
 
 use crate::math::{Mat3, Quat, Vec3, rotation_exponential};
-use crate::world::{FREE, World};
+use crate::world::{FREE, World, free_degrees};
 use graintrain_ccp::BodyInverseMass;
 use graintrain_linalg::real;
 use rayon::prelude::*;
@@ -17,13 +17,16 @@ const TURN_PER_SUBSTEP: f64 = 0.25;
 /// anyway.
 const MAX_SUBSTEPS: f64 = 1000.0;
 
+/// Differences by which derivatives are taken, over the value (at least rad per step).
+const DIFFERENCE: f64 = 1e-3;
+
 /// Velocities (u, w) after the step if no contact acted, six numbers per body, m/s and rad/s, from the
 /// velocities `before` it.
 ///
-/// Dynamic degrees of freedom: `v + M^-1 (dt f + G)` with gravity and external forces f and the gyroscopic
-/// impulse G of [`free_spin`]. Prescribed ones: the mean over the step of the prescribed velocity. Where only
-/// some rotations of a body are dynamic (set S, the rest P; J = R I R^T):
-/// `w_S + J_SS^-1 (dt (T - w x J w)_S - J_SP (w_P+ - w_P))`, torque T.
+/// Dynamic degrees of freedom: `v + M^-1 dt f` with gravity and external forces f, and the mean spin of the
+/// step without torque ([`Rotor::coast`]) for the angular velocity. Prescribed ones: the mean over the step
+/// of the prescribed velocity. Where only some rotations of a body are dynamic (set S, the rest P; J = R I
+/// R^T): `w_S + J_SS^-1 (dt (T - w x J w)_S - J_SP (w_P+ - w_P))`, torque T.
 pub fn free_velocity(world: &World, before: &[f64], step: f64) -> Vec<f64> {
     let mut free = vec![0.0; 6 * world.bodies.len()];
     free.par_chunks_mut(6 * TASK).enumerate().for_each(|(task, chunk)| {
@@ -68,7 +71,7 @@ fn body_free_velocity(world: &World, before: &[f64], body: usize, step: f64) -> 
         falling = (mass * falling + step * drag.pull) / (mass + step * drag.linear);
     }
     let spinning = || {
-        let spin = free_spin(bodies.inertia[body], orientation, w, step);
+        let spin = Rotor::of(world, body).coast(w, step).mean;
         let inertia = || world_inertia(bodies.inertia[body], orientation);
         if drag.angular > 0.0 {
             let inertia = inertia();
@@ -114,7 +117,7 @@ pub(crate) fn free_velocity_derivative(world: &World, body: usize, step: f64) ->
         [false, false, false] => (linear, Mat3::ZERO, Mat3::ZERO),
         [true, true, true] => {
             let by_torque = step * world_inertia(inertia, orientation).inverse();
-            (linear, free_spin_derivative(inertia, orientation, w, step), by_torque)
+            (linear, Rotor::of(world, body).derivative(w, step, |turn| turn.mean), by_torque)
         }
         turns => {
             let world_inertia = world_inertia(inertia, orientation);
@@ -128,49 +131,131 @@ pub(crate) fn free_velocity_derivative(world: &World, body: usize, step: f64) ->
     }
 }
 
-/// Derivative of [`free_spin`] by w: over every sub-step `(I + h/2 Q) dw1 = (I - h/2 Q) dw0` with
-/// `Q = skew(wm) I - skew(I wm)`.
-fn free_spin_derivative(inertia: Mat3, orientation: Quat, w: Vec3, step: f64) -> Mat3 {
-    if is_isotropic(inertia) {
-        return Mat3::IDENTITY;
-    }
-    let (substeps, h) = spin_substeps(w, step);
-    let (mut spin, mut derivative) = (orientation.conjugate() * w, Mat3::IDENTITY);
-    for _ in 0..substeps {
-        let next = midpoint_spin(inertia, spin, h);
-        let middle = 0.5 * (spin + next);
-        let change = 0.5 * h * (skew(middle) * inertia - skew(inertia * middle));
-        derivative = (inertia + change).inverse() * (inertia - change) * derivative;
-        spin = next;
-    }
-    let rotation = Mat3::from_quat(orientation);
-    rotation * derivative * rotation.transpose()
-}
-
-/// Number and length (s) of the sub-steps of [`free_spin`].
-fn spin_substeps(w: Vec3, step: f64) -> (usize, f64) {
-    let substeps = (step * w.length() / TURN_PER_SUBSTEP).ceil().clamp(1.0, MAX_SUBSTEPS);
-    (substeps as usize, step / substeps)
+/// Number of the sub-steps of [`Rotor::coast`].
+fn spin_substeps(w: Vec3, step: f64) -> usize {
+    (step * w.length() / TURN_PER_SUBSTEP).ceil().clamp(1.0, MAX_SUBSTEPS) as usize
 }
 
 fn select(first: [bool; 3], a: Vec3, b: Vec3) -> Vec3 {
     Vec3::from_array(std::array::from_fn(|k| if first[k] { a[k] } else { b[k] }))
 }
 
-/// Angular velocity after a step without torque: Euler's equations in body axes by the implicit midpoint
-/// rule, `I (w1 - w0) = -dt wm x I wm`, `wm = (w0 + w1) / 2`, which keeps the energy and the length of the
-/// angular momentum to round-off. Because the body turns about w1 itself, w1 has the same components in the
-/// body's axes before and after.
-pub fn free_spin(inertia: Mat3, orientation: Quat, w: Vec3, step: f64) -> Vec3 {
-    if is_isotropic(inertia) {
-        return w;
+/// A body as it can turn.
+#[derive(Clone, Copy)]
+pub(crate) struct Rotor {
+    /// About the body's axes, kg m^2.
+    inertia: Mat3,
+    orientation: Quat,
+    /// Its angular velocity stays where no torque acts: that of a ball, and of a body that cannot turn about
+    /// all axes.
+    is_steady: bool,
+}
+
+/// A turn without torque, in world axes.
+pub(crate) struct Coasting {
+    /// Where it leads to.
+    orientation: Quat,
+    /// Angular velocity at its end.
+    pub spin: Vec3,
+    /// Mean of the angular velocity.
+    pub mean: Vec3,
+}
+
+impl Rotor {
+    /// With the tensor of inertia about its own axes, kg m^2, and these dynamic degrees of freedom.
+    pub(crate) fn new(inertia: Mat3, orientation: Quat, free: [bool; 6]) -> Self {
+        Self { inertia, orientation, is_steady: is_isotropic(inertia) || free[3..] != [true; 3] }
     }
-    let (substeps, h) = spin_substeps(w, step);
-    let mut spin = orientation.conjugate() * w;
-    for _ in 0..substeps {
-        spin = midpoint_spin(inertia, spin, h);
+
+    /// A body where it is.
+    pub(crate) fn of(world: &World, body: usize) -> Self {
+        let bodies = &world.bodies;
+        Self::new(bodies.inertia[body], bodies.orientation[body], world.free_degrees(body))
     }
-    orientation * spin
+
+    /// Free rotation from the angular velocity `w`, which keeps energy and angular momentum L to round-off:
+    /// Euler's equations in body axes by the implicit midpoint rule, `I (w1 - w0) = -h wm x I wm`,
+    /// `wm = (w0 + w1) / 2`, which keeps the energy and |L|. The body turns about wm in every sub-step, and
+    /// at last by the least that brings L back to where it was, `Q1 I Q1^T w1 = Q0 I Q0^T w0`.
+    pub(crate) fn coast(&self, w: Vec3, step: f64) -> Coasting {
+        if self.is_steady {
+            return Coasting { orientation: turned(self.orientation, step * w), spin: w, mean: w };
+        }
+        self.coast_in(spin_substeps(w, step), w, step)
+    }
+
+    /// [`Self::coast`] in so many sub-steps.
+    fn coast_in(&self, substeps: usize, w: Vec3, step: f64) -> Coasting {
+        let Self { inertia, orientation: start, .. } = *self;
+        let h = step / substeps as f64;
+        let (mut orientation, first) = (start, start.conjugate() * w);
+        let (mut spin, mut sum) = (first, Vec3::ZERO);
+        for _ in 0..substeps {
+            let next = midpoint_spin(inertia, spin, h);
+            let middle = 0.5 * (spin + next);
+            sum += orientation * middle;
+            orientation *= rotation_exponential(h * middle);
+            spin = next;
+        }
+        let [is, wanted] = [orientation * (inertia * spin), start * (inertia * first)];
+        let across = is.cross(wanted);
+        if across != Vec3::ZERO {
+            let angle = real::atan2(across.length(), is.dot(wanted));
+            orientation = turned(orientation, angle * across.normalize());
+        }
+        Coasting { orientation, spin: orientation * spin, mean: sum / substeps as f64 }
+    }
+
+    /// The angular velocity w' at the start of a step once its torques have acted, with these angular
+    /// velocities w before it and m in its mean: torques act at once, and then the body coasts, so that its
+    /// angular momentum changes by their impulses as it lay at the start and by nothing else. With joints
+    /// this is SHAKE. With m* the mean without torques, d = m - m* and w' = w + d, the torques' work is
+    ///
+    /// ```text
+    /// d . J (w + w') / 2 = d . J m + d . J (w - m*) - d . J d / 2
+    /// ```
+    ///
+    /// Where contacts exert them the first term is what they take, and the rest, of third order in a step
+    /// where all goes smoothly, shall give nothing: what it would give the spin gives back.
+    pub(crate) fn kicked(&self, [before, mean]: [Vec3; 2], step: f64, by_contacts: bool) -> Vec3 {
+        if self.is_steady {
+            return mean;
+        }
+        let coasting = self.coast(before, step).mean;
+        let change = mean - coasting;
+        let mut kicked = before + change;
+        if by_contacts && change != Vec3::ZERO {
+            let inertia = |w: Vec3| self.orientation * (self.inertia * (self.orientation.conjugate() * w));
+            let given = inertia(change).dot(before - coasting - 0.5 * change);
+            let energy = 0.5 * kicked.dot(inertia(kicked));
+            if given > 0.0 {
+                kicked *= (1.0 - given / energy).max(0.0).sqrt();
+            }
+        }
+        kicked
+    }
+
+    /// Orientation after a step with these angular velocities before it and in its mean, of a body that no
+    /// contact touches.
+    pub(crate) fn turned(&self, spins: [Vec3; 2], step: f64) -> Quat {
+        self.coast(self.kicked(spins, step, false), step).orientation
+    }
+
+    /// Derivative by w of what `of` says of a turn that starts with w, by differences of fourth order.
+    pub(crate) fn derivative(&self, w: Vec3, step: f64, of: impl Fn(Coasting) -> Vec3) -> Mat3 {
+        if self.is_steady {
+            return Mat3::IDENTITY;
+        }
+        // As many for all, so that the differences are those of a smooth function.
+        let substeps = spin_substeps(w, step);
+        let way = DIFFERENCE * w.length().max(DIFFERENCE / step);
+        let at = |change: Vec3| of(self.coast_in(substeps, w + change, step));
+        let along = |axis: Vec3| {
+            let [near, far] = [1.0, 2.0].map(|k| at(k * way * axis) - at(-k * way * axis));
+            (8.0 * near - far) / (12.0 * way)
+        };
+        Mat3::from_cols(along(Vec3::X), along(Vec3::Y), along(Vec3::Z))
+    }
 }
 
 fn midpoint_spin(inertia: Mat3, w0: Vec3, h: f64) -> Vec3 {
@@ -266,88 +351,58 @@ fn inverse_mass_with(world: &World, added: impl Fn(usize) -> [f64; 2] + Sync) ->
         .collect()
 }
 
-/// Bodies that nothing touches in a step, and the velocities from which they fly (six numbers per body, after
-/// impacts).
-pub(crate) struct Flight<'a> {
-    pub flies: &'a [bool],
-    pub before: &'a [f64],
+/// How a body goes through a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Course {
+    /// Nothing acts on it but gravity.
+    Flies,
+    /// Contacts press on it, and no joint holds it.
+    Touched,
+    /// Joints, motions or loads lead it.
+    Held,
 }
 
-/// Sets the velocities of all bodies (six numbers each) and moves them: `x + dt u`, `exp(dt w) Q`
-/// renormalised; then by a displacement (translation and turn, six numbers per body) that leaves no velocity,
-/// if there is one. A turn takes the angular velocity with it, so that the kinetic energy stays.
+/// Moves all bodies by the mean velocities of the step, `x + dt u` and as [`Rotor::turned`] says, and sets
+/// the velocities after it; both the velocities before it (after impacts) and the mean ones are six numbers
+/// per body. Returned are the velocities at the start once all impulses have acted: from there bodies only
+/// coast.
 ///
-/// Contacts are linearised with the velocities after the step. What nothing touches moves by the mean
-/// velocity, x + dt (u0 + u) / 2, which under gravity is the exact parabola and keeps the energy, and turns
-/// as [`fly`] says.
+/// u is the velocity after the step, too, with which contacts are linearised. What flies moves by
+/// x + dt (u0 + u) / 2, which under gravity is the exact parabola and keeps the energy.
 pub(crate) fn advance(
     world: &mut World,
-    velocity: &[f64],
-    displacement: Option<&[f64]>,
-    flight: &Flight<'_>,
+    [before, mean]: [&[f64]; 2],
+    courses: &[Course],
     step: f64,
-) {
-    let bodies = &mut world.bodies;
+) -> Vec<f64> {
+    let World { bodies, motions, .. } = world;
+    let mut kicked = mean.to_vec();
     let places = bodies.position.par_iter_mut().zip(&mut bodies.orientation);
     let moving = bodies.velocity.par_iter_mut().zip(&mut bodies.angular_velocity);
-    let flying = flight.flies.par_iter().zip(flight.before.par_chunks_exact(6));
-    places
-        .zip(moving)
-        .zip(flying.zip(&bodies.inertia))
-        .zip(velocity.par_chunks_exact(6))
-        .with_min_len(TASK)
-        .for_each(|((((position, orientation), (linear, angular)), ((&flies, before), &inertia)), v)| {
-            let [u, w] = [0, 3].map(|part| Vec3::from_slice(&v[part..part + 3]));
-            (*linear, *angular) = (u, w);
-            if flies {
-                *position += 0.5 * step * (Vec3::from_slice(&before[..3]) + u);
-                (*orientation, *angular) =
-                    fly(inertia, *orientation, [Vec3::from_slice(&before[3..]), w], step);
-            } else {
-                *position += step * u;
-                turn(orientation, step * w);
-            }
-        });
-    if let Some(displacement) = displacement {
-        displace(world, displacement);
-    }
-}
-
-/// Orientation and angular velocity after a flight in which the spin goes from w0 to w1, in world axes.
-/// Without torque these are those of [`free_spin`], which keeps the energy and the length of the angular
-/// momentum L: the body turns about the mean spin of every sub-step, and then by the least that brings L back
-/// to where it was, `Q1 I Q1^T w1' = Q0 I Q0^T w0`. Where the spin is another one it turns about w1.
-fn fly(inertia: Mat3, start: Quat, [w0, w1]: [Vec3; 2], step: f64) -> (Quat, Vec3) {
-    let (first, last) = (start.conjugate() * w0, start.conjugate() * w1);
-    let (mut end, mut spin) = (start, first);
-    if !is_isotropic(inertia) {
-        let (substeps, h) = spin_substeps(w0, step);
-        for _ in 0..substeps {
-            let next = midpoint_spin(inertia, spin, h);
-            end *= rotation_exponential(0.5 * h * (spin + next));
-            spin = next;
-        }
-        let momentum = inertia * first;
-        if momentum != Vec3::ZERO && (spin - last).length() <= 1e-12 * last.length() {
-            let [is, wanted] = [end * (inertia * spin), start * momentum].map(Vec3::normalize);
-            let across = is.cross(wanted);
-            if across != Vec3::ZERO {
-                let angle = real::atan2(across.length(), is.dot(wanted));
-                turn(&mut end, angle * across.normalize());
-            }
-            return (end, end * spin);
-        }
-        end = start;
-    }
-    turn(&mut end, step * w1);
-    (end, w1)
+    let constant = bodies.inertia.par_iter().zip(&bodies.motion).zip(courses);
+    let given = kicked.par_chunks_exact_mut(6).zip(before.par_chunks_exact(6));
+    places.zip(moving).zip(constant).zip(given).with_min_len(TASK).for_each(
+        |((((position, orientation), (linear, angular)), ((&inertia, &motion), &course)), (v, before))| {
+            let of = |v: &[f64]| [0, 3].map(|part| Vec3::from_slice(&v[part..part + 3]));
+            let ([u0, w0], [u, mut w]) = (of(before), of(v));
+            *linear = u;
+            *position += if course == Course::Flies { 0.5 * step * (u0 + u) } else { step * u };
+            let rotor = Rotor::new(inertia, *orientation, free_degrees(motions, motion));
+            w = rotor.kicked([w0, w], step, course == Course::Touched);
+            v[3..].copy_from_slice(&w.to_array());
+            let Coasting { orientation: end, spin, .. } = rotor.coast(w, step);
+            (*orientation, *angular) = (end, spin);
+        },
+    );
+    kicked
 }
 
 /// exp(rotation) Q, renormalised.
-fn turn(orientation: &mut Quat, rotation: Vec3) {
-    if rotation != Vec3::ZERO {
-        *orientation = (rotation_exponential(rotation) * *orientation).normalize();
+fn turned(orientation: Quat, rotation: Vec3) -> Quat {
+    if rotation == Vec3::ZERO {
+        return orientation;
     }
+    (rotation_exponential(rotation) * orientation).normalize()
 }
 
 /// Moves all bodies by a displacement (translation and turn, six numbers per body) that leaves no velocity.
@@ -359,7 +414,7 @@ pub(crate) fn displace(world: &mut World, displacement: &[f64]) {
         let [way, rotation] = [0, 3].map(|part| Vec3::from_slice(&v[part..part + 3]));
         *position += way;
         *angular = rotation_exponential(rotation) * *angular;
-        turn(orientation, rotation);
+        *orientation = turned(*orientation, rotation);
     });
 }
 
@@ -368,17 +423,41 @@ mod tests {
     use super::*;
 
     #[test]
-    fn free_spin_keeps_energy_and_angular_momentum() {
+    fn coasting_keeps_energy_and_angular_momentum() {
         let inertia = Mat3::from_diagonal(Vec3::new(1.0, 2.0, 3.0));
         let orientation = Quat::from_xyzw(0.1, -0.4, 0.3, 0.8).normalize();
+        let rotor = Rotor::new(inertia, orientation, [true; 6]);
         for w in [Vec3::new(0.3, 2.0, -0.1), Vec3::new(-30.0, 2.0, 50.0)] {
-            let after = orientation.conjugate() * free_spin(inertia, orientation, orientation * w, 0.1);
-            let energy = |w: Vec3| w.dot(inertia * w);
-            let momentum = |w: Vec3| (inertia * w).length();
-            assert!((energy(after) / energy(w) - 1.0).abs() < 1e-13);
-            assert!((momentum(after) / momentum(w) - 1.0).abs() < 1e-13);
-            assert!((after - w).length() > 1e-3);
+            let w = orientation * w;
+            let end = rotor.coast(w, 0.1);
+            let momentum = |at: Quat, w: Vec3| world_inertia(inertia, at) * w;
+            let [before, after] = [momentum(orientation, w), momentum(end.orientation, end.spin)];
+            assert!((after - before).length() < 1e-13 * before.length());
+            assert!((end.spin.dot(after) / w.dot(before) - 1.0).abs() < 1e-13);
+            assert!((end.spin - w).length() > 1e-3);
         }
+    }
+
+    /// The mean is that of many short turns, and torques change the angular momentum by their impulse.
+    #[test]
+    fn a_step_turns_by_its_mean_and_keeps_the_impulse_of_torques() {
+        let inertia = Mat3::from_diagonal(Vec3::new(1.0, 2.0, 3.0));
+        let start = Quat::from_xyzw(0.1, -0.4, 0.3, 0.8).normalize();
+        let rotor = Rotor::new(inertia, start, [true; 6]);
+        let (w, step, count) = (Vec3::new(0.5, 2.0, -0.4), 0.02, 100);
+        let (mut short, mut spin, mut sum) = (rotor, w, Vec3::ZERO);
+        for _ in 0..count {
+            let turn = short.coast(spin, step / f64::from(count));
+            sum += turn.mean / f64::from(count);
+            (short.orientation, spin) = (turn.orientation, turn.spin);
+        }
+        let mean = rotor.coast(w, step).mean;
+        assert!((mean - sum).length() < 2e-2 * (mean - w).length(), "{mean} {sum} {w}");
+        let impulse = Vec3::new(0.3, -0.2, 0.1);
+        let kicked = rotor.kicked([w, mean + world_inertia(inertia, start).inverse() * impulse], step, false);
+        let end = rotor.coast(kicked, step);
+        let change = world_inertia(inertia, end.orientation) * end.spin - world_inertia(inertia, start) * w;
+        assert!((change - impulse).length() < 1e-13, "{change}");
     }
 
     #[test]

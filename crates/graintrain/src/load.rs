@@ -331,9 +331,9 @@ pub(crate) fn add_drag(world: &mut World, after: &[f64]) {
     }
 }
 
-/// Work of the external forces and torques over a step from the velocities `before` it to those `after` it
-/// (six numbers per body), J: `dt (F . (u + u+) / 2 + T . (w + w+) / 2)` over the dynamic degrees of freedom,
-/// which is exactly what they add to the kinetic energy of the step (but for the gyroscopic term).
+/// Work of the external forces and torques over a step from the velocities `before` it to those `after` its
+/// impulses (six numbers per body), J: `dt (F . (u + u+) / 2 + T . (w + w+) / 2)` over the dynamic degrees of
+/// freedom, which is exactly what they add to the kinetic energy of the step.
 pub(crate) fn work(world: &World, before: &[f64], after: &[f64], step: f64) -> f64 {
     let bodies = &world.bodies;
     let mut work = 0.0;

@@ -22,7 +22,7 @@ pub use crate::step_report::{PhaseSeconds, PhysicalErrors, ProcessorSeconds, Ste
 
 use self::attempt::Attempt;
 use self::error::{cell_error, check_state};
-use self::flight::flying;
+use self::flight::courses;
 use self::placement::Placement;
 use self::repetition::Rounds;
 use crate::assemble::of_each;
@@ -32,7 +32,7 @@ use crate::collide::Collider;
 use crate::contact::Contact;
 use crate::error::{ModelError, positive};
 use crate::impact::lead_to_surfaces;
-use crate::integrate::{Flight, advance};
+use crate::integrate::{advance, displace};
 use crate::joint::drift;
 use crate::load;
 use crate::overlap::Correction;
@@ -44,6 +44,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// A step as it is made: the bodies are where it leaves them.
 struct Made {
     attempt: Attempt,
+    /// Velocities at the start once all impulses of the step have acted, six numbers per body.
+    kicked: Vec<f64>,
     /// The smaller body's size for each contact of the step, m.
     size: Vec<f64>,
     /// The displacements that removed overlap and closed joints.
@@ -131,11 +133,14 @@ impl Stepper {
     /// ```text
     /// loads are summed into the forces f (crate::load); contacts with gap <= envelope, or closing within the step;
     /// impacts: v' = v + M^-1 D g' with restitution (crate::impact);
-    /// v* = v' + M^-1 (dt f + G); solve the CCP of N = D^T M^-1 D, r = b + D^T v*;  v+ = v* + M^-1 D g;
-    /// x+ = x + dt u+ + dx;   Q+ = exp(dw / 2) exp(dt w+ / 2) Q   with the displacements that remove overlap (crate::overlap)
+    /// v* = v' + M^-1 dt f, with the mean spin of a free rotation in the place of w';
+    /// solve the CCP of N = D^T M^-1 D, r = b + D^T v*;   (u+, m) = v* + M^-1 D g;
+    /// x+ = x + dt u+ + dx;   Q+, w+ from a free rotation that begins with the moments of the step (crate::integrate), turned by dw;
+    /// (dx, dw) remove overlap (crate::overlap)
     /// ```
     ///
-    /// What nothing touches flies: x+ = x + dt (u' + u+) / 2, and its angular momentum stays.
+    /// Angular momentum changes by the moments of impulses alone. What nothing touches flies: x+ = x + dt (u'
+    /// + u+) / 2.
     ///
     /// Then all pairs are looked at where they are now. Where bodies overlap that were no contacts, or far
     /// more than their contact foresaw, the step is taken back and made again with what was seen, until there
@@ -229,9 +234,12 @@ impl Stepper {
         let contacts = &rounds.contacts;
         let size = of_each(contacts, |c| self.collider.contact_size(world, c));
         let mut correction = self.correct(world, contacts, &attempt, &size);
-        let flies = flying(world, contacts, &attempt);
-        let flight = Flight { flies: &flies, before: &attempt.impacts.velocity };
-        advance(world, &attempt.velocity, correction.displacement.as_deref(), &flight, step);
+        let courses = courses(world, contacts, &attempt);
+        let velocities = [&attempt.impacts.velocity, attempt.velocity.as_slice()];
+        let kicked = advance(world, velocities, &courses, step);
+        if let Some(displacement) = &correction.displacement {
+            displace(world, displacement);
+        }
         correction.add(drift::close(world, &attempt.joints.states, step));
         if let Some(cell) = &attempt.cell {
             cell::advance(world, cell.rate, step);
@@ -240,7 +248,7 @@ impl Stepper {
         let begin = Clock::now();
         let ahead = self.collider.contacts(world, self.settings.envelope, step);
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
-        Made { attempt, size, correction, ahead }
+        Made { attempt, kicked, size, correction, ahead }
     }
 
     /// # Errors

@@ -15,6 +15,11 @@ use serde::{Deserialize, Serialize};
 
 mod hash;
 
+/// Which degrees of freedom are dynamic with one of these motions (see [`World::free_degrees`]).
+pub(crate) fn free_degrees(motions: &[Motion], motion: MotionId) -> [bool; 6] {
+    if motion == FREE { [true; 6] } else { motions[motion.index()].free }
+}
+
 /// All bodies, one entry per body in every list. Positions are centres of mass in the world frame.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Bodies {
@@ -508,10 +513,7 @@ impl World {
 
     /// Which degrees of freedom of the body are dynamic.
     pub fn free_degrees(&self, body: usize) -> [bool; 6] {
-        match self.bodies.motion[body] {
-            FREE => [true; 6],
-            motion => self.motions[motion.index()].free,
-        }
+        free_degrees(&self.motions, self.bodies.motion[body])
     }
 
     /// Kinetic energy of the bodies with a dynamic degree of freedom, 1/2 m |u|^2 + 1/2 w . I w, J; in a

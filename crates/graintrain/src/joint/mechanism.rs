@@ -37,8 +37,8 @@ use super::kinematics::{Placed, Row, coordinate, held, last};
 use super::rows::{Root, connected, length_of, made_unit, row_over};
 use super::stiffening::{RESOLVED, Stiffening, restoring};
 use super::{JointKind, JointState, Motor};
-use crate::integrate::{inverse_mass, world_inertia};
-use crate::math::{Mat3, Quat, Vec3, rotation_exponential};
+use crate::integrate::{Rotor, inverse_mass, world_inertia};
+use crate::math::{Mat3, Quat, Vec3};
 use crate::motion::Profile;
 use crate::world::World;
 use graintrain_ccp::{BodyInverseMass, CoupledBodies};
@@ -478,11 +478,12 @@ impl<'a> Mechanisms<'a> {
         velocity: &'b [f64],
     ) -> impl Fn(usize) -> (Vec3, Quat) + 'b {
         move |body| {
-            let (position, orientation) = self.world.pose(body);
+            let position = self.world.bodies.position[body];
             let v = self.velocity_of(mechanism, velocity, body);
             let (u, w) = (Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..]));
-            let turn = rotation_exponential(self.step * w);
-            (position + self.step * u, (turn * orientation).normalize())
+            let before = Vec3::from_slice(&self.before[6 * body + 3..6 * body + 6]);
+            let orientation = Rotor::of(self.world, body).turned([before, w], self.step);
+            (position + self.step * u, orientation)
         }
     }
 

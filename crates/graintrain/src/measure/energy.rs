@@ -43,8 +43,9 @@ pub fn energies(world: &World, selected: &[bool]) -> Energies {
 /// With the impulses g of a step, v = (v- + v+) / 2 for dynamic degrees of freedom and the prescribed
 /// velocity for others, the terms are dt m g . v, dt f . v, -(D g + J^T lambda) . v over the prescribed
 /// degrees, (J^T lambda) . v of joints over all, and -g_t . (D^T v)_t and -g_n (D^T v)_n over all contacts,
-/// impacts included. For balls this is an identity: the rest is rounding. For other bodies it is what their
-/// turning in the step adds (the gyroscopic term). What the inertia of a body that is driven in some degrees
+/// impacts included; v+ is that at which free rotations begin ([`crate::integrate`]). Mostly this is an
+/// identity, and the rest is rounding. Else it is what spins gave back, and what the turning of bodies that
+/// are driven in some degrees adds. What the inertia of a body that is driven in some degrees
 /// takes, (v- + v+) / 2 . M (v+ - v-) over these, is work of the drive. In a periodic cell that deforms K is
 /// that of velocities relative to the deformation, and what the deformation gives them, with and without
 /// contacts, counts as work of drives. Overlap is removed by displacements, which change no velocity: the
@@ -169,8 +170,9 @@ impl Ledger {
 
 /// The ledger of a step of this length with the contacts and impulses of `set`, the impulses of joints on
 /// bodies (and their moments about the centres), the centres `position` and the periodic cell at its start
-/// (m; with the rates after it, whose work counts as that of drives), the velocities before and after it (six
-/// numbers per body; after it with the mean prescribed ones), and the change of kinetic energy.
+/// (m; with the rates after it, whose work counts as that of drives), the velocities before it and those that
+/// its impulses then give (six numbers per body; with the mean prescribed ones), and the change of kinetic
+/// energy.
 pub(crate) fn ledger(
     world: &World,
     (set, joints): (&ContactSet, &[(usize, [Vec3; 2])]),

@@ -181,7 +181,7 @@ impl Stepper {
         made: Made,
     ) -> StepReport {
         let begin = Clock::now();
-        let Made { attempt, size, correction, ahead } = made;
+        let Made { attempt, kicked, size, correction, ahead } = made;
         let Rounds { contacts, added, undetected, iterations, mut laps, .. } = rounds;
         let step = self.settings.step;
         let apart = self.apart(world, start, &contacts, &attempt, &ahead);
@@ -197,7 +197,7 @@ impl Stepper {
         let forces = (&set, joints.impulses.as_slice());
         let places = (start.position.as_slice(), cell.as_ref());
         load::add_drag(world, &velocity);
-        let ledger = energy::ledger(world, forces, places, [&start.velocities(), &velocity], step, change);
+        let ledger = energy::ledger(world, forces, places, [&start.velocities(), &kicked], step, change);
         let [penetration_max, penetration_max_over_size] = self.deepest(world, &ahead);
         let correction_energy = correction.work(&world.bodies.mass, world.gravity);
         world.record_joints(&joints.states, step);

@@ -1,31 +1,28 @@
-//! Which bodies fly: nothing touches them in the step.
+//! How bodies go through a step.
 
 use super::attempt::Attempt;
 use crate::contact::Contact;
+use crate::integrate::Course;
 use crate::math::Vec3;
 use crate::world::World;
 
-/// Whether nothing acts on a body in the step but gravity: contacts exert no impulse in the contact problem
-/// (impacts come before it), no joint holds it, nothing is prescribed, there is no force (one that depends on
-/// the place needs x + dt u+, which is symplectic) and no drag, and no periodic cell takes it along.
-pub(super) fn flying(world: &World, contacts: &[Contact], attempt: &Attempt) -> Vec<bool> {
-    if world.cell().is_some() {
-        return vec![false; world.bodies.len()];
-    }
+/// The course of every body. One flies where nothing acts on it in the step but gravity: contacts exert no
+/// impulse in the contact problem (impacts come before it), no joint holds it, nothing is prescribed, there
+/// is no force (one that depends on the place needs x + dt u+, which is symplectic) and no drag, and no
+/// periodic cell takes it along.
+pub(super) fn courses(world: &World, contacts: &[Contact], attempt: &Attempt) -> Vec<Course> {
     let bodies = &world.bodies;
     let is_loaded = |body: usize| {
         let is_dragged = world.drag.get(body).is_some_and(|drag| drag.linear > 0.0 || drag.angular > 0.0);
         is_dragged || bodies.force[body] != Vec3::ZERO || bodies.torque[body] != Vec3::ZERO
     };
-    let mut flies: Vec<bool> =
-        (0..bodies.len()).map(|body| world.is_free(body) && !is_loaded(body)).collect();
-    for placed in world.joints() {
-        for body in placed.joint.bodies.iter().flatten() {
-            flies[body.index()] = false;
-        }
-    }
+    let flies = |body: usize| world.cell().is_none() && world.is_free(body) && !is_loaded(body);
+    let mut courses: Vec<Course> =
+        (0..bodies.len()).map(|body| if flies(body) { Course::Flies } else { Course::Held }).collect();
     let mut touch = |contact: &Contact| {
-        (flies[contact.body_a as usize], flies[contact.body_b as usize]) = (false, false);
+        for body in [contact.body_a, contact.body_b] {
+            courses[body as usize] = Course::Touched;
+        }
     };
     for (&i, g) in attempt.active.iter().zip(attempt.impulse.chunks_exact(3)) {
         if g[0] != 0.0 {
@@ -37,5 +34,8 @@ pub(super) fn flying(world: &World, contacts: &[Contact], attempt: &Attempt) -> 
             touch(contact);
         }
     }
-    flies
+    for body in world.joints().iter().flat_map(|placed| placed.joint.bodies.iter().flatten()) {
+        courses[body.index()] = Course::Held;
+    }
+    courses
 }
