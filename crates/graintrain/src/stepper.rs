@@ -4,6 +4,7 @@
 
 mod apart;
 mod attempt;
+mod covered;
 mod error;
 mod finish;
 mod flight;
@@ -221,7 +222,9 @@ impl Stepper {
         };
         // What flies past meets nothing.
         let flown_past = |contact| self.collider.flown_past(world, contact, step);
-        let mut rounds = Rounds::of(contacts.into_iter().filter_map(flown_past).collect());
+        let mut contacts = contacts.into_iter().filter_map(flown_past).collect();
+        self.leave_covered_out(world, &mut contacts);
+        let mut rounds = Rounds::of(contacts);
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
         Ok(rounds)
     }

@@ -3,12 +3,14 @@
 use super::candidates::Sorted;
 use super::encoding::{decoded, encoded};
 use super::identity::identity;
+use super::manifold::Solid;
 use super::narrow::{Collidable, Placed, body_contacts};
 use super::reduce::Touch;
 use super::search::{Search, surface_speeds};
 use super::sweep::{advanced, arrivals, comes_within, time_of_impact};
 use crate::contact::Contact;
 use crate::math::{Quat, Vec3};
+use crate::shape::Part;
 use crate::world::World;
 use graintrain_ccp::Ranks;
 use parry3d_f64::bounding_volume::Aabb;
@@ -216,6 +218,17 @@ impl Collider {
     /// Whether a body is one sphere about its own origin.
     pub(crate) fn is_ball(&self, world: &World, body: usize) -> bool {
         self.form(world, body).ball.is_some()
+    }
+
+    /// How far a body reaches from its centre along a unit vector, and along any, m; infinite for planes.
+    pub(crate) fn reach(&self, world: &World, body: usize, direction: Vec3) -> (f64, f64) {
+        let Placed { form, orientation, .. } = self.placed(world, body);
+        let of_part = |part: &Part| {
+            let (position, orientation) = (orientation * part.position, orientation * part.orientation);
+            Solid::Placed { shape: &part.shape, position, orientation }.reach(direction)
+        };
+        let reach = form.geometry.parts.iter().map(of_part).fold(f64::NEG_INFINITY, f64::max);
+        (reach, form.bounding_radius)
     }
 
     /// The contact of two balls that are apart and touch within the step as they move now: with the normal

@@ -290,6 +290,9 @@ impl Solid<'_> {
                     Shape::Cylinder { half_length, radius } => {
                         radius * real::hypot(own.x, own.y) + half_length * own.z.abs()
                     }
+                    Shape::Capsule { half_length, radius } => {
+                        radius * own.length() + half_length * own.z.abs()
+                    }
                     Shape::Hull(ref hull) => farthest(hull.corners(), own),
                     ref other => other.bounding_radius() * direction.length(),
                 };
