@@ -20,7 +20,7 @@
 
 use crate::contact::Contact;
 use crate::handle::MaterialId;
-use crate::integrate::{Rotor, free_velocity_derivative, world_inertia};
+use crate::integrate::{Rotor, free_velocity_derivative, is_fast, world_inertia};
 use crate::load::Action;
 use crate::math::Vec3;
 use crate::stepper::{SolverChoice, StepError, StepSettings, Stepper};
@@ -207,9 +207,12 @@ impl StepGradient {
             let (u, w) = (Vec3::from_slice(&n[..3]), Vec3::from_slice(&n[3..]));
             let on_velocity = linear * u;
             velocity[..3].copy_from_slice(&on_velocity.to_array());
-            let coasting = self.rotor(body).derivative(self.spin(body), self.step, |turn| turn.mean);
-            let at_once = Vec3::from_slice(&by_mean[6 * body + 3..]);
-            let on_spin = by_spin.transpose() * w + at_once - coasting.transpose() * at_once;
+            let mut on_spin = by_spin.transpose() * w;
+            if !self.is_fast(body) {
+                let coasting = self.rotor(body).derivative(self.spin(body), self.step, |turn| turn.mean);
+                let at_once = Vec3::from_slice(&by_mean[6 * body + 3..]);
+                on_spin += at_once - coasting.transpose() * at_once;
+            }
             velocity[3..].copy_from_slice(&on_spin.to_array());
             if on_velocity != Vec3::ZERO {
                 let on_force = self.step / self.before.bodies.mass[body] * on_velocity;
@@ -224,7 +227,8 @@ impl StepGradient {
     fn by_mean(&self, n: &[f64]) -> Vec<f64> {
         let mut by_mean = n.to_vec();
         let bodies = &self.after.bodies;
-        for (body, k) in by_mean.chunks_exact_mut(6).enumerate() {
+        let turning = by_mean.chunks_exact_mut(6).enumerate();
+        for (body, k) in turning.filter(|(body, _)| !self.is_fast(*body)) {
             let inertia = bodies.inertia[body];
             let momentum = world_inertia(inertia, bodies.orientation[body]) * bodies.angular_velocity[body];
             // What torques made of the spin at the start: the angular momentum stays from there on.
@@ -242,6 +246,10 @@ impl StepGradient {
 
     fn spin(&self, body: usize) -> Vec3 {
         self.before.bodies.angular_velocity[body]
+    }
+
+    fn is_fast(&self, body: usize) -> bool {
+        is_fast(self.spin(body), self.step)
     }
 
     /// Sums derivatives by the contacts' coefficients to those by the coefficients of pairs of materials:

@@ -17,6 +17,12 @@ const TURN_PER_SUBSTEP: f64 = 0.25;
 /// anyway.
 const MAX_SUBSTEPS: f64 = 1000.0;
 
+/// Angle, rad, by which a body on which torques act may turn in a step as [`Rotor::turn`] says.
+const FAST: f64 = 1.0;
+
+/// Rounding of an angular velocity over itself.
+const ROUNDING: f64 = 1e-14;
+
 /// Differences by which derivatives are taken, over the value (at least rad per step).
 const DIFFERENCE: f64 = 1e-3;
 
@@ -157,8 +163,18 @@ pub(crate) struct Coasting {
     orientation: Quat,
     /// Angular velocity at its end.
     pub spin: Vec3,
-    /// Mean of the angular velocity.
+    /// Mean of the angular velocity; beyond [`FAST`] that of the end, in the axes of the start.
     pub mean: Vec3,
+}
+
+/// The turn of a step, in world axes.
+pub(crate) struct Turn {
+    /// Angular velocity at the start once the torques have acted.
+    kicked: Vec3,
+    /// Where the turn leads to.
+    pub orientation: Quat,
+    /// Angular velocity at its end.
+    spin: Vec3,
 }
 
 impl Rotor {
@@ -203,13 +219,14 @@ impl Rotor {
             let angle = real::atan2(across.length(), is.dot(wanted));
             orientation = turned(orientation, angle * across.normalize());
         }
-        Coasting { orientation, spin: orientation * spin, mean: sum / substeps as f64 }
+        let mean = if is_fast(w, step) { start * spin } else { sum / substeps as f64 };
+        Coasting { orientation, spin: orientation * spin, mean }
     }
 
-    /// The angular velocity w' at the start of a step once its torques have acted, with these angular
-    /// velocities w before it and m in its mean: torques act at once, and then the body coasts, so that its
-    /// angular momentum changes by their impulses as it lay at the start and by nothing else. With joints
-    /// this is SHAKE. With m* the mean without torques, d = m - m* and w' = w + d, the torques' work is
+    /// The turn of a step with these angular velocities w before it and m in its mean. Its torques act at
+    /// once, and then the body coasts from w' on, so that its angular momentum changes by their impulses as
+    /// it lay at the start and by nothing else. With joints this is SHAKE. With m* the mean without torques,
+    /// d = m - m* and w' = w + d, the torques' work is
     ///
     /// ```text
     /// d . J (w + w') / 2 = d . J m + d . J (w - m*) - d . J d / 2
@@ -217,28 +234,33 @@ impl Rotor {
     ///
     /// Where contacts exert them the first term is what they take, and the rest, of third order in a step
     /// where all goes smoothly, shall give nothing: what it would give the spin gives back.
-    pub(crate) fn kicked(&self, [before, mean]: [Vec3; 2], step: f64, by_contacts: bool) -> Vec3 {
+    ///
+    /// m - m* turns the body as far only as long as the step resolves its spin. One beyond [`FAST`] on which
+    /// torques act turns about m, with its energy from before and what they do.
+    pub(crate) fn turn(&self, [before, mean]: [Vec3; 2], step: f64, by_contacts: bool) -> Turn {
+        let about = |w: Vec3| Turn { kicked: w, orientation: turned(self.orientation, step * w), spin: w };
         if self.is_steady {
-            return mean;
+            return about(mean);
         }
-        let coasting = self.coast(before, step).mean;
-        let change = mean - coasting;
+        let coasting = self.coast(before, step);
+        let change = mean - coasting.mean;
+        if change.length() <= ROUNDING * mean.length() {
+            return Turn { kicked: before, orientation: coasting.orientation, spin: coasting.spin };
+        }
+        if is_fast(before, step) {
+            return about(mean);
+        }
         let mut kicked = before + change;
-        if by_contacts && change != Vec3::ZERO {
+        if by_contacts {
             let inertia = |w: Vec3| self.orientation * (self.inertia * (self.orientation.conjugate() * w));
-            let given = inertia(change).dot(before - coasting - 0.5 * change);
+            let given = inertia(change).dot(before - coasting.mean - 0.5 * change);
             let energy = 0.5 * kicked.dot(inertia(kicked));
             if given > 0.0 {
                 kicked *= (1.0 - given / energy).max(0.0).sqrt();
             }
         }
-        kicked
-    }
-
-    /// Orientation after a step with these angular velocities before it and in its mean, of a body that no
-    /// contact touches.
-    pub(crate) fn turned(&self, spins: [Vec3; 2], step: f64) -> Quat {
-        self.coast(self.kicked(spins, step, false), step).orientation
+        let Coasting { orientation, spin, .. } = self.coast(kicked, step);
+        Turn { kicked, orientation, spin }
     }
 
     /// Derivative by w of what `of` says of a turn that starts with w, by differences of fourth order.
@@ -256,6 +278,11 @@ impl Rotor {
         };
         Mat3::from_cols(along(Vec3::X), along(Vec3::Y), along(Vec3::Z))
     }
+}
+
+/// Whether a body turns so far in a step that the step does not resolve it.
+pub(crate) fn is_fast(w: Vec3, step: f64) -> bool {
+    step * w.length() > FAST
 }
 
 fn midpoint_spin(inertia: Mat3, w0: Vec3, h: f64) -> Vec3 {
@@ -362,7 +389,7 @@ pub(crate) enum Course {
     Held,
 }
 
-/// Moves all bodies by the mean velocities of the step, `x + dt u` and as [`Rotor::turned`] says, and sets
+/// Moves all bodies by the mean velocities of the step, `x + dt u` and as [`Rotor::turn`] says, and sets
 /// the velocities after it; both the velocities before it (after impacts) and the mean ones are six numbers
 /// per body. Returned are the velocities at the start once all impulses have acted: from there bodies only
 /// coast.
@@ -384,14 +411,13 @@ pub(crate) fn advance(
     places.zip(moving).zip(constant).zip(given).with_min_len(TASK).for_each(
         |((((position, orientation), (linear, angular)), ((&inertia, &motion), &course)), (v, before))| {
             let of = |v: &[f64]| [0, 3].map(|part| Vec3::from_slice(&v[part..part + 3]));
-            let ([u0, w0], [u, mut w]) = (of(before), of(v));
+            let ([u0, w0], [u, w]) = (of(before), of(v));
             *linear = u;
             *position += if course == Course::Flies { 0.5 * step * (u0 + u) } else { step * u };
             let rotor = Rotor::new(inertia, *orientation, free_degrees(motions, motion));
-            w = rotor.kicked([w0, w], step, course == Course::Touched);
-            v[3..].copy_from_slice(&w.to_array());
-            let Coasting { orientation: end, spin, .. } = rotor.coast(w, step);
-            (*orientation, *angular) = (end, spin);
+            let turn = rotor.turn([w0, w], step, course == Course::Touched);
+            v[3..].copy_from_slice(&turn.kicked.to_array());
+            (*orientation, *angular) = (turn.orientation, turn.spin);
         },
     );
     kicked
@@ -454,8 +480,7 @@ mod tests {
         let mean = rotor.coast(w, step).mean;
         assert!((mean - sum).length() < 2e-2 * (mean - w).length(), "{mean} {sum} {w}");
         let impulse = Vec3::new(0.3, -0.2, 0.1);
-        let kicked = rotor.kicked([w, mean + world_inertia(inertia, start).inverse() * impulse], step, false);
-        let end = rotor.coast(kicked, step);
+        let end = rotor.turn([w, mean + world_inertia(inertia, start).inverse() * impulse], step, false);
         let change = world_inertia(inertia, end.orientation) * end.spin - world_inertia(inertia, start) * w;
         assert!((change - impulse).length() < 1e-13, "{change}");
     }

@@ -37,7 +37,7 @@ use super::kinematics::{Placed, Row, coordinate, held, last};
 use super::rows::{Root, connected, length_of, made_unit, row_over};
 use super::stiffening::{RESOLVED, Stiffening, restoring};
 use super::{JointKind, JointState, Motor};
-use crate::integrate::{Rotor, inverse_mass, world_inertia};
+use crate::integrate::{Rotor, Turn, inverse_mass, world_inertia};
 use crate::math::{Mat3, Quat, Vec3};
 use crate::motion::Profile;
 use crate::world::World;
@@ -98,6 +98,8 @@ struct Mechanism {
     /// The forces of the joints, N, that K is of.
     forces: Vec<Vec3>,
     rows: Vec<ActiveRow>,
+    /// Moves of the right-hand sides so far, over the norms of the rows (see `Mechanisms::correct`).
+    moves: Vec<Vec<f64>>,
     /// Known impulses of motors: joint, row of the coordinate, impulse.
     pushed: Vec<(usize, Row, f64)>,
     elimination: Elimination,
@@ -234,6 +236,7 @@ impl<'a> Mechanisms<'a> {
             same.map_or(0.0, |row| row.target - row.wanted)
         };
         mechanism.pushed = Vec::new();
+        mechanism.moves.clear();
         for &joint in &mechanism.joints {
             let mut add = |role: Role, row: Row, wanted: f64, compliance: f64| {
                 let free_rate = row.rate(&self.free);
@@ -482,7 +485,7 @@ impl<'a> Mechanisms<'a> {
             let v = self.velocity_of(mechanism, velocity, body);
             let (u, w) = (Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..]));
             let before = Vec3::from_slice(&self.before[6 * body + 3..6 * body + 6]);
-            let orientation = Rotor::of(self.world, body).turned([before, w], self.step);
+            let Turn { orientation, .. } = Rotor::of(self.world, body).turn([before, w], self.step, false);
             (position + self.step * u, orientation)
         }
     }
