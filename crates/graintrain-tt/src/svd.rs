@@ -293,9 +293,10 @@ fn pass(
 /// The leading left singular vectors U of a matrix A of m rows and U^T A: eigenvectors V of A A^T, and the
 /// rank by the squares of the rows of V^T A, which are formed, so that what is left out is what it is however
 /// V was found. None where the share of the budget is near what a Gram matrix resolves (a rank might be too
-/// large then), and for large tensors, of which this would make a copy.
+/// large then), for large tensors, of which this would make a copy, and where A has more rows than columns:
+/// A A^T is larger than A then, and its eigenvectors would cost m^3 for a rank of at most the columns.
 fn leading_by_eigenvectors(numbers: &[f64], m: usize, budget: &mut Budget) -> Option<(Matrix, Vec<f64>)> {
-    if numbers.len() > LARGEST_TURNED {
+    if numbers.len() > LARGEST_TURNED || numbers.len() < m * m {
         return None;
     }
     let squares = sum_of_grams(numbers, m, None);
