@@ -36,6 +36,7 @@ use crate::{Stop, Truncation, TtError, TtMatrix, TtVector};
 use confirmation::{Confirmation, Verdict};
 pub use points::{ends_of_modes, sub_grid};
 use serde::{Deserialize, Serialize};
+use source::Memory;
 pub use source::{EntrySource, Function};
 use sweep::State;
 
@@ -121,7 +122,8 @@ pub struct CrossReport {
     /// Rounding level of the entries of the train (see [`TtVector::rounding_floor`]): no error is known below
     /// this.
     pub floor: f64,
-    /// Entries evaluated, samples included.
+    /// Entries that the source was asked for, samples included; of a tensor of at most 2^21 entries none is
+    /// asked for twice.
     pub evaluations: usize,
     /// Sweeps made.
     pub sweeps: usize,
@@ -203,9 +205,10 @@ pub fn cross_within(
         }
         None => TtVector::random(&modes, 2, settings.seed)?,
     };
-    let mut confirmation = Confirmation::new(source, probes, settings)?;
+    let source = Memory::new(source);
+    let mut confirmation = Confirmation::new(&source, probes, settings)?;
     let mut state =
-        State::new(source, &start, settings, Random::new(settings.seed ^ 0x5EED), confirmation.exponent)?;
+        State::new(&source, &start, settings, Random::new(settings.seed ^ 0x5EED), confirmation.exponent)?;
     let mut history: Vec<f64> = Vec::new();
     let mut errors: Vec<f64> = Vec::new();
     let mut status = CrossStatus::SweepLimit;
@@ -301,7 +304,7 @@ pub fn cross_within(
         probe_error: verdict.probed,
         exact_error: None,
         floor,
-        evaluations: state.evaluations + confirmation.evaluations,
+        evaluations: source.evaluations(),
         sweeps: history.len(),
         history,
         ranks: train.ranks(),

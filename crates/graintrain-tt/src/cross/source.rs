@@ -1,6 +1,10 @@
 //! Where the entries come from.
 
 use crate::sparse::QuadtreeMatrix;
+use std::sync::{Mutex, PoisonError};
+
+/// Tensors of more entries than this are read again where they are asked for again.
+const MOST_REMEMBERED: usize = 1 << 21;
 
 /// Entries of a tensor on demand, many at a time.
 pub trait EntrySource: Sync {
@@ -34,6 +38,71 @@ impl<F: Fn(&[usize]) -> f64 + Sync> EntrySource for Function<F> {
         for (index, value) in indices.chunks_exact(self.modes.len()).zip(values) {
             *value = (self.function)(index);
         }
+    }
+}
+
+/// A source that reads no entry of a small tensor twice: sweeps ask for many entries again, and a complete
+/// confirmation for all of them.
+pub(super) struct Memory<'a> {
+    source: &'a dyn EntrySource,
+    modes: Vec<usize>,
+    read: Mutex<Read>,
+}
+
+/// What has been read.
+struct Read {
+    /// The inverted bits of every entry: 0, which would be a NaN, where it was not read. (Zeros cost nothing
+    /// until they are touched.) Empty for large tensors.
+    bits: Vec<u64>,
+    evaluations: usize,
+}
+
+impl<'a> Memory<'a> {
+    pub(super) fn new(source: &'a dyn EntrySource) -> Self {
+        let modes = source.modes();
+        let entries = modes.iter().fold(1usize, |product, &n| product.saturating_mul(n));
+        let bits = vec![0; if entries <= MOST_REMEMBERED { entries } else { 0 }];
+        Self { source, modes, read: Mutex::new(Read { bits, evaluations: 0 }) }
+    }
+
+    /// Entries that the source was asked for.
+    pub(super) fn evaluations(&self) -> usize {
+        self.read.lock().unwrap_or_else(PoisonError::into_inner).evaluations
+    }
+}
+
+impl EntrySource for Memory<'_> {
+    fn modes(&self) -> Vec<usize> {
+        self.modes.clone()
+    }
+
+    fn entries(&self, indices: &[usize], values: &mut [f64]) {
+        let mut read = self.read.lock().unwrap_or_else(PoisonError::into_inner);
+        let Read { bits, evaluations } = &mut *read;
+        if bits.is_empty() {
+            *evaluations += values.len();
+            return self.source.entries(indices, values);
+        }
+        let d = self.modes.len();
+        let place =
+            |index: &[usize]| index.iter().zip(&self.modes).rev().fold(0, |place, (i, n)| i + n * place);
+        let places: Vec<usize> = indices.chunks_exact(d).map(place).collect();
+        let (mut asked, mut new) = (Vec::new(), Vec::new());
+        for (&place, index) in places.iter().zip(indices.chunks_exact(d)) {
+            if bits[place] == 0 {
+                // (Any other number: asked for once.)
+                bits[place] = 1;
+                new.push(place);
+                asked.extend_from_slice(index);
+            }
+        }
+        let mut answers = vec![0.0; new.len()];
+        if !new.is_empty() {
+            self.source.entries(&asked, &mut answers);
+        }
+        *evaluations += new.len();
+        new.iter().zip(answers).for_each(|(&place, x)| bits[place] = !x.to_bits());
+        values.iter_mut().zip(places).for_each(|(x, place)| *x = f64::from_bits(!bits[place]));
     }
 }
 

@@ -189,3 +189,17 @@ fn the_hot_start_reads_fewer_entries_and_the_cap_holds() {
     let bad = TtMatrix::identity(&[2; 18]).unwrap();
     assert!(cross(&function(0.0), Some(bad.as_vector()), &[], &settings).is_err());
 }
+
+/// A confirmation by all entries once read those again that the sweeps had read: twice the evaluations.
+#[test]
+fn no_entry_of_a_small_tensor_is_read_twice() {
+    let modes = [20; 4];
+    let read = std::sync::Mutex::new(std::collections::HashSet::new());
+    let ball = Function::new(&modes, |i: &[usize]| {
+        assert!(read.lock().unwrap().insert(i.to_vec()), "{i:?}");
+        f64::from(i.iter().map(|&i| (i as f64 - 6.3).powi(2)).sum::<f64>() < 50.0)
+    });
+    let (_, report) = cross(&ball, None, &[], &CrossSettings::default()).unwrap();
+    assert!(report.complete && report.evaluations == 160_000, "{report:?}");
+    assert_eq!(read.lock().unwrap().len(), report.evaluations);
+}
