@@ -180,8 +180,8 @@ impl EntrySource for EntriesCalled<'_> {
 }
 
 /// The train of these modes through values (n) at indices (n, d), and a report: converged, training_error,
-/// validation_error, test_error, error_estimate, points, history, restarts, ranks. Settings: max_rank (20),
-/// max_sweeps (100), restarts (4), held_out (0.1), seed. O(sweeps d n r^4).
+/// validation_error, test_error, error_estimate, upper_bound, points, history, restarts, ranks. Settings:
+/// max_rank (20), max_sweeps (300), restarts (4), held_out (0.1), seed. O(sweeps d n r^4).
 #[pyfunction]
 #[pyo3(signature = (modes, index, values, tolerance=1e-6, **settings))]
 pub fn fit<'py>(
