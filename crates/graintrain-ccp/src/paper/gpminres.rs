@@ -60,25 +60,37 @@ impl Kernel<1> for GradientStep {
     }
 }
 
+/// For kernels whose first vector is x: Z Z^T u at the face of x.
+macro_rules! at_face_of_first {
+    ($vectors:literal) => {
+        #[inline(always)]
+        fn point<V: Vector>(
+            &self,
+            _: ContactBatch<V>,
+            _: &Batch<V>,
+            [x, ..]: [&Batch<V>; $vectors],
+        ) -> Batch<V> {
+            *x
+        }
+
+        #[inline(always)]
+        fn projected<V: Vector>(
+            &self,
+            contact: ContactBatch<V>,
+            u: &Batch<V>,
+            x: &Batch<V>,
+            tangential: V,
+        ) -> Batch<V> {
+            in_tangent_space(contact.mu, x, tangential, u)
+        }
+    };
+}
+
 /// rho <- -Z Z^T u, the start of the minimum residual method with w = 0; returns it, tallies |rho|^2.
 struct FaceResidual;
 
 impl Kernel<5> for FaceResidual {
-    #[inline(always)]
-    fn point<V: Vector>(&self, _: ContactBatch<V>, _: &Batch<V>, [x, ..]: [&Batch<V>; 5]) -> Batch<V> {
-        *x
-    }
-
-    #[inline(always)]
-    fn projected<V: Vector>(
-        &self,
-        contact: ContactBatch<V>,
-        u: &Batch<V>,
-        x: &Batch<V>,
-        tangential: V,
-    ) -> Batch<V> {
-        in_tangent_space(contact.mu, x, tangential, u)
-    }
+    at_face_of_first!(5);
 
     #[inline(always)]
     fn at<V: Vector>(
@@ -105,21 +117,7 @@ struct Conjugate {
 impl Kernel<4> for Conjugate {
     const GRADIENT: bool = false;
 
-    #[inline(always)]
-    fn point<V: Vector>(&self, _: ContactBatch<V>, _: &Batch<V>, [x, ..]: [&Batch<V>; 4]) -> Batch<V> {
-        *x
-    }
-
-    #[inline(always)]
-    fn projected<V: Vector>(
-        &self,
-        contact: ContactBatch<V>,
-        u: &Batch<V>,
-        x: &Batch<V>,
-        tangential: V,
-    ) -> Batch<V> {
-        in_tangent_space(contact.mu, x, tangential, u)
-    }
+    at_face_of_first!(4);
 
     #[inline(always)]
     fn at<V: Vector>(

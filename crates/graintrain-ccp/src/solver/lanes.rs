@@ -94,39 +94,48 @@ impl Lanes {
     }
 }
 
-impl Numbers for Lanes {
-    const TINY: f64 = f64::MIN_POSITIVE;
+/// [`Numbers`] of an array, one by one.
+macro_rules! numbers_one_by_one {
+    ($array:ident, $number:ty, $count:expr) => {
+        impl Numbers for $array {
+            const TINY: f64 = <$number>::MIN_POSITIVE as f64;
 
-    #[inline(always)]
-    fn splat(x: f64) -> Self {
-        Self([x; LANES])
-    }
+            #[inline(always)]
+            fn splat(x: f64) -> Self {
+                Self([x as $number; $count])
+            }
 
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        Self(self.0.map(f64::sqrt))
-    }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                Self(self.0.map(<$number>::sqrt))
+            }
 
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        self.zip(other, |a, b| if a > b { a } else { b })
-    }
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                self.zip(other, |a, b| if a > b { a } else { b })
+            }
 
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        self.zip(other, |a, b| if a < b { a } else { b })
-    }
+            #[inline(always)]
+            fn min(self, other: Self) -> Self {
+                self.zip(other, |a, b| if a < b { a } else { b })
+            }
 
-    #[inline(always)]
-    fn divide(self, other: Self) -> Self {
-        self.zip(other, |a, b| a / b)
-    }
+            #[inline(always)]
+            fn divide(self, other: Self) -> Self {
+                self.zip(other, |a, b| a / b)
+            }
 
-    #[inline(always)]
-    fn at_most(self, bound: Self, yes: Self, no: Self) -> Self {
-        Self(std::array::from_fn(|l| if self.0[l] <= bound.0[l] { yes.0[l] } else { no.0[l] }))
-    }
+            #[inline(always)]
+            fn at_most(self, bound: Self, yes: Self, no: Self) -> Self {
+                Self(std::array::from_fn(|l| if self.0[l] <= bound.0[l] { yes.0[l] } else { no.0[l] }))
+            }
+        }
+    };
 }
+
+pub(super) use numbers_one_by_one;
+
+numbers_one_by_one!(Lanes, f64, LANES);
 
 impl Vector for Lanes {
     type Single = Octet;

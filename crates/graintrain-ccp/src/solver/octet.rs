@@ -1,6 +1,6 @@
 //! Eight contacts at a time in single precision: the arithmetic of `solver/single`.
 
-use super::lanes::{Batch, Numbers, TaskWork, Vector, lane_operators};
+use super::lanes::{Batch, Numbers, TaskWork, Vector, lane_operators, numbers_one_by_one};
 
 /// Numbers in an octet.
 pub const EIGHT: usize = 8;
@@ -81,39 +81,7 @@ impl Octet {
     }
 }
 
-impl Numbers for Octet {
-    const TINY: f64 = f32::MIN_POSITIVE as f64;
-
-    #[inline(always)]
-    fn splat(x: f64) -> Self {
-        Self([x as f32; EIGHT])
-    }
-
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        Self(self.0.map(f32::sqrt))
-    }
-
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        self.zip(other, |a, b| if a > b { a } else { b })
-    }
-
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        self.zip(other, |a, b| if a < b { a } else { b })
-    }
-
-    #[inline(always)]
-    fn divide(self, other: Self) -> Self {
-        self.zip(other, |a, b| a / b)
-    }
-
-    #[inline(always)]
-    fn at_most(self, bound: Self, yes: Self, no: Self) -> Self {
-        Self(std::array::from_fn(|l| if self.0[l] <= bound.0[l] { yes.0[l] } else { no.0[l] }))
-    }
-}
+numbers_one_by_one!(Octet, f32, EIGHT);
 
 impl SingleVector for Octet {
     #[inline(always)]

@@ -250,25 +250,29 @@ static LATTICE: Table = Table {
     ],
 };
 
+const IN_BOX: Key = key(
+    "box",
+    Kind::Table(&BOX_REGION),
+    "one of box, cylinder",
+    "{ min = [0, 0, 0], max = [1, 1, 3] }",
+    "Region: box",
+);
+
+const IN_CYLINDER: Key = key(
+    "cylinder",
+    Kind::Table(&CYLINDER_REGION),
+    "one of box, cylinder",
+    "{ radius = 1, height = 3 }",
+    "Region: upright cylinder",
+);
+
 static DROP: Table = Table {
     heading: "`packing.NAME.drop`",
     alternatives: &[&["box", "cylinder"]],
     keys: &[
         key("count", Count, "required", "500", "Number of bodies").within(Range::Positive),
-        key(
-            "box",
-            Kind::Table(&BOX_REGION),
-            "one of box, cylinder",
-            "{ min = [0, 0, 0], max = [1, 1, 3] }",
-            "Region: box",
-        ),
-        key(
-            "cylinder",
-            Kind::Table(&CYLINDER_REGION),
-            "one of box, cylinder",
-            "{ radius = 1, height = 3 }",
-            "Region: upright cylinder",
-        ),
+        IN_BOX,
+        IN_CYLINDER,
     ],
 };
 
@@ -278,20 +282,8 @@ static POISSON: Table = Table {
     keys: &[
         key("distance", Quantity(D::LENGTH), "required", "\"12 mm\"", "Minimum distance of two centres")
             .within(Range::Positive),
-        key(
-            "box",
-            Kind::Table(&BOX_REGION),
-            "one of box, cylinder",
-            "{ min = [0, 0, 0], max = [1, 1, 3] }",
-            "Region: box",
-        ),
-        key(
-            "cylinder",
-            Kind::Table(&CYLINDER_REGION),
-            "one of box, cylinder",
-            "{ radius = 1, height = 3 }",
-            "Region: upright cylinder",
-        ),
+        IN_BOX,
+        IN_CYLINDER,
     ],
 };
 
