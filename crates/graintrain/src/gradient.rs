@@ -146,6 +146,9 @@ impl StepGradient {
         if report.impacts > 0 {
             return unsupported("bodies met with restitution");
         }
+        if report.ledger.rest.abs() > 1e-10 * report.ledger.throughput() {
+            return unsupported("contacts would have given a spin energy, and gave it less (Rotor::turn)");
+        }
         if report.contacts_added > 0 {
             return unsupported("contacts were found in the midst of it; a shorter time step may do");
         }

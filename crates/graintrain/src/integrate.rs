@@ -9,7 +9,7 @@ use rayon::prelude::*;
 /// Bodies per parallel task.
 const TASK: usize = 1024;
 
-/// Angle, rad, up to which a body may turn in one sub-step of the gyroscopic term; Newton's method then needs
+/// Angle, rad, up to which a body may turn in one sub-step of a free rotation; Newton's method then needs
 /// three or four iterations.
 const TURN_PER_SUBSTEP: f64 = 0.25;
 
@@ -19,6 +19,9 @@ const MAX_SUBSTEPS: f64 = 1000.0;
 
 /// Angle, rad, by which a body on which torques act may turn in a step as [`Rotor::turn`] says.
 const FAST: f64 = 1.0;
+
+/// Angle, rad, up to which a step resolves the turn of a body in joints.
+const RESOLVED: f64 = 0.5;
 
 /// Rounding of an angular velocity over itself.
 const ROUNDING: f64 = 1e-14;
@@ -233,11 +236,13 @@ impl Rotor {
     /// ```
     ///
     /// Where contacts exert them the first term is what they take, and the rest, of third order in a step
-    /// where all goes smoothly, shall give nothing: what it would give the spin gives back.
+    /// where all goes smoothly, shall give nothing: `gives_back` makes s d of d by [`least_change`]. For a
+    /// body that turns by more than [`RESOLVED`] that holds wherever they come from: the leapfrog would gain
+    /// energy.
     ///
     /// m - m* turns the body as far only as long as the step resolves its spin. One beyond [`FAST`] on which
     /// torques act turns about m, with its energy from before and what they do.
-    pub(crate) fn turn(&self, [before, mean]: [Vec3; 2], step: f64, by_contacts: bool) -> Turn {
+    pub(crate) fn turn(&self, [before, mean]: [Vec3; 2], step: f64, gives_back: bool) -> Turn {
         let about = |w: Vec3| Turn { kicked: w, orientation: turned(self.orientation, step * w), spin: w };
         if self.is_steady {
             return about(mean);
@@ -251,12 +256,11 @@ impl Rotor {
             return about(mean);
         }
         let mut kicked = before + change;
-        if by_contacts {
-            let inertia = |w: Vec3| self.orientation * (self.inertia * (self.orientation.conjugate() * w));
-            let given = inertia(change).dot(before - coasting.mean - 0.5 * change);
-            let energy = 0.5 * kicked.dot(inertia(kicked));
-            if given > 0.0 {
-                kicked *= (1.0 - given / energy).max(0.0).sqrt();
+        if gives_back {
+            let inertia = self.orientation * (self.inertia * (self.orientation.conjugate() * change));
+            let [begin, square, taken] = [before, change, mean].map(|w| inertia.dot(w));
+            if begin + 0.5 * square > taken {
+                kicked = before + least_change([begin, square, taken]) * change;
             }
         }
         let Coasting { orientation, spin, .. } = self.coast(kicked, step);
@@ -278,6 +282,14 @@ impl Rotor {
         };
         Mat3::from_cols(along(Vec3::X), along(Vec3::Y), along(Vec3::Z))
     }
+}
+
+/// The s nearest to 1 with `s d . J w + s^2 d . J d / 2 = d . J m`, from these three products; where there is
+/// none, the one with the least of the left side.
+fn least_change([begin, square, taken]: [f64; 3]) -> f64 {
+    let root = (begin * begin + 2.0 * square * taken).max(0.0).sqrt();
+    let both = [-begin - root, -begin + root].map(|s| s / square);
+    if (both[0] - 1.0).abs() < (both[1] - 1.0).abs() { both[0] } else { both[1] }
 }
 
 /// Whether a body turns so far in a step that the step does not resolve it.
@@ -415,7 +427,9 @@ pub(crate) fn advance(
             *linear = u;
             *position += if course == Course::Flies { 0.5 * step * (u0 + u) } else { step * u };
             let rotor = Rotor::new(inertia, *orientation, free_degrees(motions, motion));
-            let turn = rotor.turn([w0, w], step, course == Course::Touched);
+            let is_resolved = step * w0.length() <= RESOLVED;
+            let gives_back = course == Course::Touched || !is_resolved;
+            let turn = rotor.turn([w0, w], step, gives_back);
             v[3..].copy_from_slice(&turn.kicked.to_array());
             (*orientation, *angular) = (turn.orientation, turn.spin);
         },

@@ -22,6 +22,7 @@ pub use self::settings::{LOOSEST, SolverChoice, StepSettings};
 pub use crate::step_report::{PhaseSeconds, PhysicalErrors, ProcessorSeconds, StepReport, Wrench};
 
 use self::attempt::Attempt;
+use self::covered::leave_covered_out;
 use self::error::{cell_error, check_state};
 use self::flight::courses;
 use self::placement::Placement;
@@ -223,7 +224,7 @@ impl Stepper {
         // What flies past meets nothing.
         let flown_past = |contact| self.collider.flown_past(world, contact, step);
         let mut contacts = contacts.into_iter().filter_map(flown_past).collect();
-        self.leave_covered_out(world, &mut contacts);
+        leave_covered_out(world, &self.collider, step, &mut contacts);
         let mut rounds = Rounds::of(contacts);
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
         Ok(rounds)

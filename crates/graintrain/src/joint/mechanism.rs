@@ -98,8 +98,6 @@ struct Mechanism {
     /// The forces of the joints, N, that K is of.
     forces: Vec<Vec3>,
     rows: Vec<ActiveRow>,
-    /// Moves of the right-hand sides so far, over the norms of the rows (see `Mechanisms::correct`).
-    moves: Vec<Vec<f64>>,
     /// Known impulses of motors: joint, row of the coordinate, impulse.
     pushed: Vec<(usize, Row, f64)>,
     elimination: Elimination,
@@ -236,7 +234,6 @@ impl<'a> Mechanisms<'a> {
             same.map_or(0.0, |row| row.target - row.wanted)
         };
         mechanism.pushed = Vec::new();
-        mechanism.moves.clear();
         for &joint in &mechanism.joints {
             let mut add = |role: Role, row: Row, wanted: f64, compliance: f64| {
                 let free_rate = row.rate(&self.free);

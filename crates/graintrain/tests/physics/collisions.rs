@@ -3,6 +3,7 @@
 
 use crate::support::*;
 use graintrain::handle::MaterialId;
+use graintrain::material::Elasticity;
 use graintrain::math::{Quat, Vec3, rotation_exponential};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
@@ -227,20 +228,22 @@ fn what_lands_before_a_seam_goes_straight_on() {
 /// What is round rolls and slides over tiles as over a plane, at any step.
 #[test]
 fn what_is_round_goes_over_tiles_as_over_a_plane() {
-    let forms = [
-        Geometry::sphere(0.05).unwrap(),
-        Geometry::cylinder(0.05, 0.05).unwrap(),
-        Geometry::capsule(0.05, 0.05).unwrap(),
-    ];
+    let [cylinder, capsule] =
+        [Geometry::cylinder(0.05, 0.05), Geometry::capsule(0.05, 0.05)].map(Result::unwrap);
+    // Turned about the vertical: across the seams and lengthwise.
+    let lengthwise = (capsule.clone(), 0.5 * PI);
+    let forms = [(Geometry::sphere(0.05).unwrap(), 0.0), (cylinder, 0.0), (capsule, 0.0), lengthwise];
     let cases = [(2e-3, 0.5, 0.5), (5e-3, 0.5, 0.5), (5e-3, 0.9, 0.0), (1e-2, 0.0, 0.5), (1e-2, 0.0, 0.0)];
-    for (form, (step, restitution, friction)) in forms.iter().flat_map(|form| cases.map(|case| (form, case)))
-    {
+    let all = forms.into_iter().flat_map(|form| cases.map(|case| (form.clone(), case)));
+    // Lengthwise only what slides goes straight on.
+    let straight = all.filter(|((_, yaw), (_, _, friction))| *yaw == 0.0 || *friction == 0.0);
+    for ((form, yaw), (step, restitution, friction)) in straight {
         let mut world = world(friction, restitution);
         tiled_floor(&mut world, 20, 0.137);
-        let form = world.add_geometry(form.clone());
+        let form = world.add_geometry(form);
         let body = world
             .add_body(Body {
-                orientation: Quat::from_rotation_x(0.5 * PI),
+                orientation: Quat::from_rotation_z(yaw) * Quat::from_rotation_x(0.5 * PI),
                 velocity: Vec3::X,
                 angular_velocity: if friction > 0.0 { 20.0 * Vec3::Y } else { Vec3::ZERO },
                 ..Body::new(form, MaterialId::default(), Vec3::new(0.2, 0.01, 0.05))
@@ -253,7 +256,7 @@ fn what_is_round_goes_over_tiles_as_over_a_plane() {
             solved_step(&mut stepper, &mut world);
         }
         let (place, left) = (world.bodies.position[body], world.bodies.velocity[body]);
-        let what = format!("{step} s, e = {restitution}, mu = {friction}, body {body}");
+        let what = format!("{step} s, e = {restitution}, mu = {friction}, yaw {yaw}, form {form:?}");
         assert!((left - Vec3::X).length() < 1e-6, "{what}: {left}");
         assert!((place - Vec3::new(2.2, 0.01, 0.05)).length() < 1e-5, "{what}: {place}");
     }
@@ -283,6 +286,60 @@ fn a_kerb_slows_what_rolls_over_it() {
         assert!(got < 0.95 * expected, "{height} m: {got} {expected}");
         assert!((place.z - 0.05 - height) > -1e-5 && left.x > 0.8, "{height} m: {place} {left}");
     }
+}
+
+/// A narrow tile between what carries a ball and a kerb changes nothing: what is covered covers nothing.
+#[test]
+fn a_seam_before_a_kerb_changes_nothing() {
+    let end = |seam: bool| {
+        let mut world = world(0.0, 0.0);
+        let fixed = world.add_motion(Motion::fixed()).unwrap();
+        let ends = if seam { vec![-2.0, 0.0, 0.1, 2.0] } else { vec![-2.0, 0.1, 2.0] };
+        for (k, pair) in ends.windows(2).enumerate() {
+            let half = Vec3::new(0.5 * (pair[1] - pair[0]), 0.5, 0.05);
+            let form = world.add_geometry(Geometry::cuboid(half).unwrap());
+            let top = if k + 2 == ends.len() { 0.01 } else { 0.0 };
+            let place = Vec3::new(0.5 * (pair[0] + pair[1]), 0.0, top - 0.05);
+            world.add_body(Body { motion: fixed, ..Body::new(form, MaterialId::default(), place) }).unwrap();
+        }
+        let ball = add_sphere(&mut world, 0.05, Vec3::new(-0.5, 0.0, 0.05));
+        world.bodies.velocity[ball] = 20.0 * Vec3::X;
+        let mut stepper = Stepper::new(StepSettings { step: 1e-2, ..StepSettings::default() }).unwrap();
+        for _ in 0..10 {
+            solved_step(&mut stepper, &mut world);
+        }
+        world.bodies.velocity[ball]
+    };
+    let (with, without) = (end(true), end(false));
+    assert!((with - without).length() < 1e-3 && without.z > 0.0, "{with} {without}");
+}
+
+/// A soft strip between stiff tiles gives way under a ball, and the edges of the tiles carry it too.
+#[test]
+fn what_gives_way_covers_nothing() {
+    let mut world = world(0.0, 0.0);
+    let fixed = world.add_motion(Motion::fixed()).unwrap();
+    let ball_material = MaterialId::default();
+    let soft = world.materials.add("soft", 2500.0).unwrap();
+    world
+        .materials
+        .set_pair_elasticity(soft, ball_material, Elasticity { stiffness: 4e3, damping: 1.0 })
+        .unwrap();
+    for (from, to, material) in
+        [(-1.0, -0.005, ball_material), (-0.005, 0.005, soft), (0.005, 1.0, ball_material)]
+    {
+        let form = world.add_geometry(Geometry::cuboid(Vec3::new(0.5 * (to - from), 0.5, 0.05)).unwrap());
+        let place = Vec3::new(0.5 * (from + to), 0.0, -0.05);
+        world.add_body(Body { motion: fixed, ..Body::new(form, material, place) }).unwrap();
+    }
+    let ball = add_sphere(&mut world, 0.05, Vec3::new(0.0, 0.0, 0.05));
+    let mut stepper = Stepper::new(StepSettings { step: 1e-3, ..StepSettings::default() }).unwrap();
+    let mut added = 0;
+    for _ in 0..300 {
+        added += solved_step(&mut stepper, &mut world).contacts_added;
+    }
+    let speed = world.bodies.velocity[ball].length();
+    assert!(added < 10 && speed < 1e-6, "{added} {speed}");
 }
 
 /// A body that meets more others in a step than there are passes bounces off all of them.

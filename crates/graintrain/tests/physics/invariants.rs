@@ -184,9 +184,14 @@ fn a17_momentum_balance_and_energy_ledger() {
             let rest = energies[1] - energies[0] - work;
             balances += 1;
             let too_fast = (got.length() - expected.length()) / scale;
-            if impulse[body] != Vec3::ZERO && too_fast < -1e-12 {
+            let change = got - inertia(&before) * w0;
+            if impulse[body] != Vec3::ZERO && rest < -1e-12 * (energies[0] + work.abs()) {
+                // Along the moment, and nearly all of it; a turn that removes overlap takes it along.
                 returns += 1;
-                assert!(rest < 0.0 && (got.length() / expected.length()) > 0.99);
+                let across = change.cross(moment[body]).length() / moment[body].length();
+                let alone = report.impacts == 0 && report.overlap_corrected_max == 0.0;
+                assert!(!alone || across < 1e-12 * scale, "{across}");
+                assert!((change - moment[body]).length() < 0.1 * scale);
                 continue;
             }
             if report.overlap_corrected_max > 0.0 && (got - expected).length() > 1e-12 * scale {
@@ -204,10 +209,12 @@ fn a17_momentum_balance_and_energy_ledger() {
     println!(
         "A17: up to {contacts} contacts, {impacts} impacts, {turns} of {balances} turned by corrections, {returns} gave energy back, momentum {worst_momentum:.1e}, energy {worst_energy:.1e} relative"
     );
-    assert!(contacts > 60 && impacts > 100 && turns + returns < balances / 10 && balances > 10_000);
+    assert!(contacts > 60 && impacts > 100 && turns < balances / 10 && returns < balances / 100);
+    assert!(balances > 10_000);
     assert!(worst_momentum < 1e-12 && worst_energy < 1e-12);
 }
 
+/// A18: frictionless, inelastic: energy never rises, momentum and angular momentum of a closed system stay.
 #[test]
 fn a18_inelastic_gas() {
     let mut world = world(0.0, 0.0);

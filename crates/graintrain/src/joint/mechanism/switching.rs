@@ -1,8 +1,7 @@
 //! What motors with a limit and stops do, and the corrections that keep bodies on the paths of their joints:
 //! round by round, until all agree.
 
-use super::{ActiveRow, Mechanism, Mechanisms, Role, Solution};
-use crate::joint::elimination::dot;
+use super::{ActiveRow, Mechanisms, Role, Solution};
 use crate::joint::kinematics::{coordinate, last};
 use crate::joint::{JointState, Motor};
 use crate::math::Vec3;
@@ -25,9 +24,6 @@ const STUCK: f64 = 1e-3;
 
 /// Forces that differ by less than this share stiffen swings alike.
 const SAME_FORCES: f64 = 0.1;
-
-/// A move that shows rates to follow it by less than this share shows nothing.
-const LEAST_LEFT: f64 = 0.3;
 
 /// A motor that misses this fraction of its speed while a stop is active works against the stop.
 const DRIVEN: f64 = 0.1;
@@ -173,33 +169,11 @@ impl Mechanisms<'_> {
         Change::None
     }
 
-    /// Moves the right-hand sides by what the rates of their rows miss, where rates follow them one to one;
-    /// what turns far in a step follows otherwise, as the moves before show: Broyden's method with the moves
-    /// alone, from the unit matrix (C. T. Kelley, "Iterative methods for linear and nonlinear equations",
-    /// SIAM 1995, section 7.3).
+    /// Moves the right-hand sides by what the rates of their rows miss.
     fn correct(&mut self, index: usize, rates: &[f64]) {
-        let Mechanism { rows, moves, .. } = &mut self.mechanisms[index];
-        let mut own: Vec<f64> =
-            rows.iter().zip(rates).map(|(row, rate)| (row.wanted - rate) / row.norm).collect();
-        let add = |own: &mut [f64], share: f64, other: &[f64]| {
-            own.iter_mut().zip(other).for_each(|(own, other)| *own += share * other);
-        };
-        for pair in moves.windows(2) {
-            let share = dot(&pair[0], &own) / dot(&pair[0], &pair[0]);
-            add(&mut own, share, &pair[1]);
+        for (row, rate) in self.mechanisms[index].rows.iter_mut().zip(rates) {
+            row.target -= rate - row.wanted;
         }
-        if let Some(last) = moves.last() {
-            let left = 1.0 - dot(last, &own) / dot(last, last);
-            if left > LEAST_LEFT {
-                own.iter_mut().for_each(|own| *own /= left);
-            } else {
-                moves.clear();
-            }
-        }
-        for (row, own) in rows.iter_mut().zip(&own) {
-            row.target += own * row.norm;
-        }
-        moves.push(own);
     }
 
     /// Finds what motors and stops do and how paths bend, as if contacts exerted these impulses (six numbers
@@ -208,7 +182,6 @@ impl Mechanisms<'_> {
         let fine = FINE * self.scale;
         for index in 0..self.mechanisms.len() {
             let (mut corrections, mut changes) = (0, 0);
-            self.mechanisms[index].moves.clear();
             let settled = (0..ROUNDS).any(|_| {
                 let change = self.round(index, impulse, fine, corrections < CORRECTIONS, changes >= TOGETHER);
                 match change {
