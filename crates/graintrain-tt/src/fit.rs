@@ -12,7 +12,7 @@
 //! same form). If all entries were given, a singular value a would become (a + sqrt(a^2 - 4 w^2)) / 2, and
 //! vanish below 2 w: what is larger than the threshold is fitted, what is smaller is left out until the
 //! larger is right. So the ranks follow from the points, bond by bond: every singular value above w and
-//! [`MINOR`] more. Without the penalty alternating least squares fit the missing entries' noise first: with
+//! `MINOR` more. Without the penalty alternating least squares fit the missing entries' noise first: with
 //! ranks growing by one they found 33 of 72 random trains in 3, 5 and 10 times as many points as degrees of
 //! freedom (3, 9 and 21 of 24), this finds 65 (18, 23 and 24).
 //!
@@ -490,7 +490,7 @@ fn sweep(
 }
 
 /// Moves the centre from core k to the next one, in the basis of the singular values of the bond, which are
-/// returned: those above the threshold, [`MINOR`] more, and zeros of random directions where there are fewer.
+/// returned: those above the threshold, `MINOR` more, and zeros of random directions where there are fewer.
 fn shift_right(
     train: &mut TtVector,
     k: usize,

@@ -33,7 +33,7 @@ const DIFFERENCE: f64 = 1e-3;
 /// velocities `before` it.
 ///
 /// Dynamic degrees of freedom: `v + M^-1 dt f` with gravity and external forces f, and the mean spin of the
-/// step without torque ([`Rotor::coast`]) for the angular velocity. Prescribed ones: the mean over the step
+/// step without torque (`Rotor::coast`) for the angular velocity. Prescribed ones: the mean over the step
 /// of the prescribed velocity. Where only some rotations of a body are dynamic (set S, the rest P; J = R I
 /// R^T): `w_S + J_SS^-1 (dt (T - w x J w)_S - J_SP (w_P+ - w_P))`, torque T.
 pub fn free_velocity(world: &World, before: &[f64], step: f64) -> Vec<f64> {
