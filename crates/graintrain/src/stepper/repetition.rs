@@ -10,6 +10,7 @@
 //! | bodies were held apart that would pass without overlap (`spurious`) | their contacts are left out |
 
 use super::attempt::Attempt;
+use super::covered::leave_covered_out;
 use super::mobility;
 use super::placement::Placement;
 use super::{Made, StepError, Stepper};
@@ -284,6 +285,9 @@ impl Stepper {
         if !closed.is_empty() {
             let known: HashSet<u64> = contacts.iter().map(|c| c.identity).collect();
             closed.retain(|c| !known.contains(&c.identity));
+            let mut all = [contacts, &closed].concat();
+            leave_covered_out(world, &self.collider, step, &mut all);
+            closed.retain(|c| all.contains(c));
         }
         closed
     }
