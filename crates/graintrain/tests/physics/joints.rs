@@ -697,3 +697,25 @@ fn what_a_stop_lets_go_meets_what_is_there() {
         assert!((height + 0.1).abs() < 1e-4, "{model}: {height}");
     }
 }
+
+/// A body that came to rest at a stop, where nothing pulls it, has velocities of rounding alone: that is a
+/// step that converged.
+#[test]
+fn what_rests_at_a_stop_has_converged() {
+    let mut world = World::new(Vec3::ZERO, Materials::single("stuff", 1000.0, 0.3, 0.0).unwrap()).unwrap();
+    let form = world.add_geometry(Geometry::cuboid(Vec3::new(0.2, 0.03, 0.05)).unwrap());
+    let bar = Body {
+        velocity: -6.0 * Vec3::Z,
+        angular_velocity: 30.0 * Vec3::Y,
+        ..Body::new(form, MaterialId::default(), 0.2 * Vec3::X)
+    };
+    let bar = world.add_body(bar).unwrap();
+    world
+        .add_joint(Joint::revolute(None, bar, Vec3::ZERO, Vec3::Y).with_limits(Some(-0.5), Some(1.7)))
+        .unwrap();
+    let mut stepper = stepper(1e-2, FrictionModel::Coulomb);
+    for _ in 0..300 {
+        let report = stepper.step(&mut world).unwrap();
+        assert!(report.solve.converged(), "{:?}", report.solve.remark);
+    }
+}

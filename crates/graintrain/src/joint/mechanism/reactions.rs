@@ -63,7 +63,9 @@ impl Mechanisms<'_> {
             }
             found.impulses.extend(self.of_swings(mechanism, &solution));
             for (row, &rate) in mechanism.rows.iter().zip(&rates) {
+                // What positions round to is none.
                 let opening = self.opening(row, rate);
+                let opening = if opening <= row.noise { 0.0 } else { opening };
                 if opening.is_nan() || opening > found.opening {
                     (found.opening, found.worst) = (opening, row.joint);
                 }
