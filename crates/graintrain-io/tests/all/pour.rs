@@ -87,8 +87,8 @@ fn pour(friction: &str, tolerance: &str) {
     );
     assert_eq!(rest.bodies as f64, (2200.0 * part).round());
     assert_eq!((totals.figures.unconverged_steps, totals.figures.contacts_missed), (0, 0));
-    // What is round may still rock: nothing here resists rolling.
-    assert!(creep < 0.02, "creep {creep}");
+    // What is round, clumps of balls too, may still rock and roll: nothing here resists rolling.
+    assert!(creep < 0.05, "creep {creep}");
     assert!(overlap < 0.005, "overlap {overlap}");
     assert!(rises <= 1e-5 * rest.energies[0], "energy rises by {rises} J");
 }
