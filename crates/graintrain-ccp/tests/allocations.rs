@@ -75,8 +75,11 @@ fn check(solver: &mut dyn CcpSolver, problem: &Ccp, exact: bool) {
 fn check_at(solver: &mut dyn CcpSolver, problem: &Ccp, exact: bool, (tolerance, iterations): (f64, usize)) {
     // The second solve finds the queues of the threads at their full size.
     allocations(solver, problem, exact, tolerance, iterations);
-    let once = allocations(solver, problem, exact, tolerance, iterations);
-    let twice = allocations(solver, problem, exact, tolerance, 2 * iterations);
+    // The queues of threads that wait for a processor take a block now and then: the least of three counts.
+    let mut least = |iterations: usize| {
+        (0..3).map(|_| allocations(solver, problem, exact, tolerance, iterations)).min().unwrap()
+    };
+    let (once, twice) = (least(iterations), least(2 * iterations));
     let threads = rayon::current_num_threads();
     assert_eq!(once, twice, "{} on {threads} threads, exact friction: {exact}", solver.name());
 }
