@@ -284,12 +284,13 @@ impl Rotor {
     }
 }
 
-/// The s nearest to 1 with `s d . J w + s^2 d . J d / 2 = d . J m`, from these three products; where there is
-/// none, the one with the least of the left side.
+/// The s in [0, 2] nearest to 1 with `s d . J w + s^2 d . J d / 2 = d . J m`, from these three products; where
+/// there is none, the one with the least of the left side.
 fn least_change([begin, square, taken]: [f64; 3]) -> f64 {
     let root = (begin * begin + 2.0 * square * taken).max(0.0).sqrt();
     let both = [-begin - root, -begin + root].map(|s| s / square);
-    if (both[0] - 1.0).abs() < (both[1] - 1.0).abs() { both[0] } else { both[1] }
+    let s = if (both[0] - 1.0).abs() < (both[1] - 1.0).abs() { both[0] } else { both[1] };
+    s.clamp(0.0, 2.0)
 }
 
 /// Whether a body turns so far in a step that the step does not resolve it.

@@ -70,7 +70,9 @@ fn pour(friction: &str, tolerance: &str) {
     assert_eq!(run.advance(&mut [&mut rest]).unwrap(), Ending::Finished);
     let (world, totals) = (&run.world, &run.totals);
     let moves = world.bodies.position.iter().zip(&rest.before.1).map(|(now, then)| (*now - *then).length());
-    let creep = moves.fold(0.0, f64::max) / SIZE;
+    let mut moves: Vec<f64> = moves.map(|way| way / SIZE).collect();
+    moves.sort_by(f64::total_cmp);
+    let [creep, rocking] = [moves[moves.len() - 2], moves[moves.len() - 1]];
     let rises = rest.energies.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::NEG_INFINITY, f64::max);
     let overlap = totals.figures.penetration_max_over_radius;
     println!(
@@ -87,8 +89,9 @@ fn pour(friction: &str, tolerance: &str) {
     );
     assert_eq!(rest.bodies as f64, (2200.0 * part).round());
     assert_eq!((totals.figures.unconverged_steps, totals.figures.contacts_missed), (0, 0));
-    // What is round, clumps of balls too, may still rock and roll: nothing here resists rolling.
-    assert!(creep < 0.05, "creep {creep}");
+    // A clump of balls on two contacts that stick rocks on like a pendulum: nothing here resists rolling. One
+    // may, and all others rest.
+    assert!(creep < 0.02 && rocking < 0.2, "creep {creep}, {rocking}");
     assert!(overlap < 0.005, "overlap {overlap}");
     assert!(rises <= 1e-5 * rest.energies[0], "energy rises by {rises} J");
 }
