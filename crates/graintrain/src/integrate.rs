@@ -284,8 +284,8 @@ impl Rotor {
     }
 }
 
-/// The s in [0, 2] nearest to 1 with `s d . J w + s^2 d . J d / 2 = d . J m`, from these three products; where
-/// there is none, the one with the least of the left side.
+/// The s in [0, 2] nearest to 1 with `s d . J w + s^2 d . J d / 2 = d . J m`, from these three products;
+/// where there is none, the one with the least of the left side.
 fn least_change([begin, square, taken]: [f64; 3]) -> f64 {
     let root = (begin * begin + 2.0 * square * taken).max(0.0).sqrt();
     let both = [-begin - root, -begin + root].map(|s| s / square);
