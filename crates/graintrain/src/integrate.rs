@@ -242,12 +242,22 @@ impl Rotor {
     ///
     /// m - m* turns the body as far only as long as the step resolves its spin. One beyond [`FAST`] on which
     /// torques act turns about m, with its energy from before and what they do.
-    pub(crate) fn turn(&self, [before, mean]: [Vec3; 2], step: f64, gives_back: bool) -> Turn {
+    pub(crate) fn turn(&self, spins: [Vec3; 2], step: f64, gives_back: bool) -> Turn {
+        self.turn_beside(&self.coast(spins[0], step), spins, step, gives_back)
+    }
+
+    /// [`Self::turn`] where it is known how the body coasts without torques.
+    pub(crate) fn turn_beside(
+        &self,
+        coasting: &Coasting,
+        [before, mean]: [Vec3; 2],
+        step: f64,
+        gives_back: bool,
+    ) -> Turn {
         let about = |w: Vec3| Turn { kicked: w, orientation: turned(self.orientation, step * w), spin: w };
         if self.is_steady {
             return about(mean);
         }
-        let coasting = self.coast(before, step);
         let change = mean - coasting.mean;
         if change.length() <= ROUNDING * mean.length() {
             return Turn { kicked: before, orientation: coasting.orientation, spin: coasting.spin };

@@ -37,8 +37,8 @@ use super::kinematics::{Placed, Row, coordinate, held, last};
 use super::rows::{Root, connected, length_of, made_unit, row_over};
 use super::stiffening::{RESOLVED, Stiffening, restoring};
 use super::{JointKind, JointState, Motor};
-use crate::integrate::{Rotor, Turn, inverse_mass, world_inertia};
-use crate::math::{Mat3, Quat, Vec3};
+use crate::integrate::{Coasting, Rotor, Turn, inverse_mass, world_inertia};
+use crate::math::{Mat3, Quat, Vec3, rotation_exponential};
 use crate::motion::Profile;
 use crate::world::World;
 use graintrain_ccp::{BodyInverseMass, CoupledBodies};
@@ -87,6 +87,8 @@ struct ActiveRow {
 struct Mechanism {
     /// Those that can move, ascending.
     bodies: Vec<u32>,
+    /// How each of them turns, and coasts without torques.
+    turning: Vec<(Rotor, Coasting)>,
     roots: Vec<Root>,
     /// Roots and angular velocities of v* without kappa.
     bare: Vec<(Root, Vec3)>,
@@ -194,7 +196,12 @@ impl<'a> Mechanisms<'a> {
             let turn = |body: usize| Vec3::from_slice(&own.free[6 * body + 3..6 * body + 6]);
             let bare = |&body: &u32| (Root::of(&masses[body as usize]), turn(body as usize));
             let bare = bodies.iter().map(bare).collect();
-            let mut mechanism = Mechanism { bodies, bare, joints, forces, ..Mechanism::default() };
+            let coasting = |&body: &u32| {
+                let (rotor, first) = (Rotor::of(world, body as usize), 6 * body as usize + 3);
+                (rotor, rotor.coast(Vec3::from_slice(&own.before[first..first + 3]), step))
+            };
+            let turning = bodies.iter().map(coasting).collect();
+            let mut mechanism = Mechanism { bodies, turning, bare, joints, forces, ..Mechanism::default() };
             own.stiffen(&mut mechanism);
             own.arrange(&mut mechanism);
             own.mechanisms.push(mechanism);
@@ -477,14 +484,28 @@ impl<'a> Mechanisms<'a> {
         mechanism: &'b Mechanism,
         velocity: &'b [f64],
     ) -> impl Fn(usize) -> (Vec3, Quat) + 'b {
-        move |body| {
-            let position = self.world.bodies.position[body];
-            let v = self.velocity_of(mechanism, velocity, body);
+        let pose = |(k, &body): (usize, &u32)| {
+            let (body, v) = (body as usize, &velocity[6 * k..6 * k + 6]);
             let (u, w) = (Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..]));
             let before = Vec3::from_slice(&self.before[6 * body + 3..6 * body + 6]);
-            let Turn { orientation, .. } = Rotor::of(self.world, body).turn([before, w], self.step, false);
-            (position + self.step * u, orientation)
+            let (rotor, coasting) = &mechanism.turning[k];
+            let Turn { orientation, .. } = rotor.turn_beside(coasting, [before, w], self.step, false);
+            (self.world.bodies.position[body] + self.step * u, orientation)
+        };
+        // Many rows ask for the same bodies.
+        let known: Vec<(Vec3, Quat)> = mechanism.bodies.iter().enumerate().map(pose).collect();
+        move |body| match mechanism.bodies.binary_search(&(body as u32)) {
+            Ok(k) => known[k],
+            Err(_) => self.driven(body),
         }
+    }
+
+    /// Where a body that joints do not move is after the step.
+    fn driven(&self, body: usize) -> (Vec3, Quat) {
+        let (position, orientation) = self.world.pose(body);
+        let part = |first: usize| Vec3::from_slice(&self.free[6 * body + first..6 * body + first + 3]);
+        let turn = rotation_exponential(self.step * part(3));
+        (position + self.step * part(0), (turn * orientation).normalize())
     }
 
     /// About what coordinates joints have then.

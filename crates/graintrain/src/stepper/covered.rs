@@ -50,8 +50,13 @@ impl Side {
 /// and a look at the pairs of those that a round body has with bodies that are not round and free.
 pub(super) fn leave_covered_out(world: &World, collider: &Collider, step: f64, contacts: &mut Vec<Contact>) {
     let covered = Cover { world, collider, step, contacts }.covered();
-    let mut index = 0..;
-    contacts.retain(|_| covered.binary_search(&index.next().unwrap_or_default()).is_err());
+    leave_out(contacts, &covered);
+}
+
+/// Takes these out, which are given by their places, ascending.
+pub(super) fn leave_out(contacts: &mut Vec<Contact>, places: &[usize]) {
+    let mut place = 0..;
+    contacts.retain(|_| places.binary_search(&place.next().unwrap_or_default()).is_err());
 }
 
 /// What covers contacts.

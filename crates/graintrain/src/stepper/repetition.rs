@@ -10,7 +10,7 @@
 //! | bodies were held apart that would pass without overlap (`spurious`) | their contacts are left out |
 
 use super::attempt::Attempt;
-use super::covered::leave_covered_out;
+use super::covered::{leave_covered_out, leave_out};
 use super::mobility;
 use super::placement::Placement;
 use super::{Made, StepError, Stepper};
@@ -175,8 +175,7 @@ impl Stepper {
         rounds.kept.extend(on_the_way.iter().map(|c| c.identity));
         rounds.contacts.extend(on_the_way);
         if !spurious.is_empty() {
-            let mut index = 0..;
-            rounds.contacts.retain(|_| spurious.binary_search(&index.next().unwrap_or_default()).is_err());
+            leave_out(&mut rounds.contacts, &spurious);
         }
         rounds.round += usize::from(again);
         Ok(again)
