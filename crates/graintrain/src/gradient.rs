@@ -8,7 +8,7 @@
 //! m = v* + M^-1 D g,      v+ = V(v, m)
 //! ```
 //!
-//! with the mean velocities m of the step and V of [`crate::integrate`], which is m but for the turning of
+//! with the mean velocities m of the step and V of `crate::rotation`, which is m but for the turning of
 //! bodies that are no balls. Of a number L with dL = n . dv+ (a vector-Jacobian product), k = n dV/dm, and
 //! with the adjoint of g for y = D^T M^-1 k ([`graintrain_ccp::sensitivity`]): dL/dv* = k + D dL/dr, and from
 //! there by the chain rule of v*(v, f). Contacts, their gaps and frames belong to the positions, which stay.
@@ -20,9 +20,10 @@
 
 use crate::contact::Contact;
 use crate::handle::MaterialId;
-use crate::integrate::{Rotor, free_velocity_derivative, is_fast, world_inertia};
+use crate::integrate::free_velocity_derivative;
 use crate::load::Action;
 use crate::math::Vec3;
+use crate::rotation::{Rotor, is_fast, world_inertia};
 use crate::stepper::{SolverChoice, StepError, StepSettings, Stepper};
 use crate::world::World;
 use graintrain_ccp::registry::Method;

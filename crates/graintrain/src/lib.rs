@@ -56,6 +56,7 @@ pub mod overlap;
 mod part_solver;
 pub mod parts;
 mod projection;
+mod rotation;
 pub mod shape;
 mod solid_mesh;
 pub mod step_report;

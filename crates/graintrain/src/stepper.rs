@@ -137,12 +137,12 @@ impl Stepper {
     /// impacts: v' = v + M^-1 D g' with restitution (crate::impact);
     /// v* = v' + M^-1 dt f, with the mean spin of a free rotation in the place of w';
     /// solve the CCP of N = D^T M^-1 D, r = b + D^T v*;   (u+, m) = v* + M^-1 D g;
-    /// x+ = x + dt u+ + dx;   Q+, w+ from a free rotation that begins with the moments of the step (crate::integrate), turned by dw;
+    /// x+ = x + dt u+ + dx;   Q+, w+ from a free rotation that begins with the moments of the step (crate::rotation), turned by dw;
     /// (dx, dw) remove overlap (crate::overlap)
     /// ```
     ///
-    /// Angular momentum changes by the moments of impulses alone. What nothing touches flies: x+ = x + dt (u'
-    /// + u+) / 2.
+    /// Angular momentum changes by the moments of impulses alone, or less where that would make energy. What
+    /// nothing touches flies: x+ = x + dt (u' + u+) / 2.
     ///
     /// Then all pairs are looked at where they are now. Where bodies overlap that were no contacts, or far
     /// more than their contact foresaw, the step is taken back and made again with what was seen, until there

@@ -37,9 +37,10 @@ use super::kinematics::{Placed, Row, coordinate, held, last};
 use super::rows::{Root, connected, length_of, made_unit, row_over};
 use super::stiffening::{RESOLVED, Stiffening, restoring};
 use super::{JointKind, JointState, Motor};
-use crate::integrate::{Coasting, Rotor, Turn, inverse_mass, world_inertia};
+use crate::integrate::inverse_mass;
 use crate::math::{Mat3, Quat, Vec3, rotation_exponential};
 use crate::motion::Profile;
+use crate::rotation::{Coasting, Rotor, Turn, world_inertia};
 use crate::world::World;
 use graintrain_ccp::{BodyInverseMass, CoupledBodies};
 

@@ -43,7 +43,7 @@ pub fn energies(world: &World, selected: &[bool]) -> Energies {
 /// With the impulses g of a step, v = (v- + v+) / 2 for dynamic degrees of freedom and the prescribed
 /// velocity for others, the terms are dt m g . v, dt f . v, -(D g + J^T lambda) . v over the prescribed
 /// degrees, (J^T lambda) . v of joints over all, and -g_t . (D^T v)_t and -g_n (D^T v)_n over all contacts,
-/// impacts included; v+ is that at which free rotations begin ([`crate::integrate`]). Mostly this is an
+/// impacts included; v+ is that at which free rotations begin (`crate::rotation`). Mostly this is an
 /// identity, and the rest is rounding. Else it is what spins gave back, and what the turning of bodies that
 /// are driven in some degrees adds. What the inertia of a body that is driven in some degrees
 /// takes, (v- + v+) / 2 . M (v+ - v-) over these, is work of the drive. In a periodic cell that deforms K is
