@@ -368,7 +368,7 @@ fn unused_balls(world: &World) -> Vec<usize> {
     let mut used = vec![false; world.geometries.len()];
     world.bodies.geometry.iter().for_each(|geometry| used[geometry.index()] = true);
     let is_ball = |geometry: &Geometry| match geometry.parts.as_slice() {
-        [part] => matches!(part.shape, Shape::Sphere { .. }) && part.position == Vec3::ZERO,
+        [part] => matches!(part.shape, Shape::Sphere(_)) && part.position == Vec3::ZERO,
         _ => false,
     };
     (0..used.len()).rev().filter(|&form| !used[form] && is_ball(&world.geometries[form])).collect()

@@ -4,7 +4,7 @@ use crate::arrays::{quaternion, shaped, vector, vectors};
 use crate::error::OrRaise;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion;
-use graintrain::shape::{self, Geometry, Part};
+use graintrain::shape::{Geometry, Part};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -136,15 +136,7 @@ impl Shape {
 
     fn __repr__(&self) -> String {
         let name = match self.geometry.parts.as_slice() {
-            [Part { shape, .. }] => match shape {
-                shape::Shape::Sphere { .. } => "sphere",
-                shape::Shape::Box { .. } => "box",
-                shape::Shape::Plane => "plane",
-                shape::Shape::Capsule { .. } => "capsule",
-                shape::Shape::Cylinder { .. } => "cylinder",
-                shape::Shape::Hull(_) => "hull",
-                shape::Shape::Mesh { .. } => "mesh",
-            },
+            [Part { shape, .. }] => shape.name(),
             _ => "compound",
         };
         format!("<graintrain.Shape: {name}, {} m^3>", self.geometry.volume)

@@ -6,7 +6,7 @@ use graintrain::handle::MaterialId;
 use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
-use graintrain::shape::{Geometry, Part, Shape};
+use graintrain::shape::{Cuboid, Geometry, Part, Shape, Sphere};
 use graintrain::stepper::{StepSettings, Stepper};
 use graintrain::world::{Body, World};
 
@@ -17,8 +17,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let fixed = world.add_motion(Motion::fixed())?;
     world.add_body(Body { motion: fixed, ..Body::new(plane, MaterialId::default(), Vec3::ZERO) })?;
     let part = |shape, x| Part { shape, position: Vec3::new(x, 0.0, 0.0), orientation: Quat::IDENTITY };
-    let end = || Shape::Sphere { radius: 0.015 };
-    let bar = Shape::Box { half: Vec3::new(0.02, 0.005, 0.005) };
+    let end = || Shape::Sphere(Sphere { radius: 0.015 });
+    let bar = Shape::Box(Cuboid { half: Vec3::new(0.02, 0.005, 0.005) });
     let (dumb_bell, _centre) =
         Geometry::compound(vec![part(end(), -0.025), part(bar, 0.0), part(end(), 0.025)])?;
     let shapes = [

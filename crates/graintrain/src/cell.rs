@@ -39,7 +39,7 @@ use crate::error::{ModelError, finite, positive};
 use crate::load::Region;
 use crate::math::{Mat3, Vec3};
 use crate::motion::Profile;
-use crate::shape::Shape;
+use crate::shape::{HalfSpace, Shape};
 use crate::world::World;
 use graintrain_linalg::real;
 use serde::{Deserialize, Serialize};
@@ -516,7 +516,7 @@ impl World {
     /// Whether a body reaches everywhere: planes have no images.
     pub(crate) fn is_unbounded(&self, body: usize) -> bool {
         let parts = &self.geometries[self.bodies.geometry[body].index()].parts;
-        parts.iter().any(|part| part.shape == Shape::Plane)
+        parts.iter().any(|part| part.shape == Shape::Plane(HalfSpace))
     }
 
     /// The way from a body's centre to a point, to the nearest of the images of the point, m.

@@ -5,9 +5,9 @@
 mod join;
 mod triangulate;
 
-use crate::collide::union::Moments;
 use crate::error::ModelError;
 use crate::math::{Mat3, Vec3};
+use crate::moments::Moments;
 use crate::solid_mesh::{check_closed, moments};
 use serde::{Deserialize, Serialize};
 

@@ -51,6 +51,7 @@ pub mod load;
 pub mod material;
 pub mod math;
 pub mod measure;
+mod moments;
 pub mod motion;
 pub mod overlap;
 mod part_solver;

@@ -5,9 +5,9 @@
 //! measures", ACM Transactions on Mathematical Software 6(1):121-130, 1980): exact but for rounding. Cost:
 //! linear.
 
-use crate::collide::union::{Moments, outer};
 use crate::error::ModelError;
 use crate::math::Vec3;
+use crate::moments::{Moments, outer};
 use std::collections::HashMap;
 
 /// Numbers of the corners in which corners at the same place have one number.
@@ -76,7 +76,7 @@ pub(crate) fn moments(vertices: &[Vec3], triangles: &[[u32; 3]]) -> (Moments, Ve
 mod tests {
     use super::*;
     use crate::math::{Mat3, Quat};
-    use crate::shape::{Geometry, Shape};
+    use crate::shape::{Geometry, Mesh, Shape, Sphere};
 
     /// A box of half edges h about c as twelve triangles, from outside counter-clockwise.
     fn brick(h: Vec3, c: Vec3) -> (Vec<Vec3>, Vec<[u32; 3]>) {
@@ -150,8 +150,8 @@ mod tests {
         let (vertices, triangles) = brick(Vec3::ONE, Vec3::ZERO);
         assert_eq!(Geometry::mesh(vertices.clone(), triangles.clone()).unwrap().volume, 0.0);
         let part = |shape| crate::shape::Part { shape, position: Vec3::ZERO, orientation: Quat::IDENTITY };
-        let solid = Shape::Mesh { vertices, triangles, solid: true };
-        let two = vec![part(solid), part(Shape::Sphere { radius: 0.1 })];
+        let solid = Shape::Mesh(Mesh { vertices, triangles, solid: true });
+        let two = vec![part(solid), part(Shape::Sphere(Sphere { radius: 0.1 }))];
         assert!(matches!(Geometry::compound(two), Err(ModelError::MeshJoined)));
     }
 }

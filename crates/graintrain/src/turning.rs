@@ -65,9 +65,7 @@ fn effective_radius(world: &World, bodies: [u32; 2]) -> f64 {
 fn radius(world: &World, body: usize) -> f64 {
     let geometry = &world.geometries[world.bodies.geometry[body].index()];
     match &geometry.parts[..] {
-        [part] if matches!(part.shape, Shape::Sphere { .. } | Shape::Capsule { .. }) => {
-            part.shape.half_thickness()
-        }
+        [part] if matches!(part.shape, Shape::Sphere(_) | Shape::Capsule(_)) => part.shape.half_thickness(),
         _ if world.is_prescribed(body) => f64::INFINITY,
         _ if geometry.volume <= 0.0 => geometry.bounding_radius(),
         _ => real::cbrt(0.75 / PI * geometry.volume),

@@ -1,25 +1,15 @@
 //! Frames of the bodies as points.
 
-use super::size::inscribed_radius;
 use super::vtp::{Cells, DataArray, PolyData, Values};
 use crate::body_numbers::BodyNumbers;
 use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::shape::{Geometry, Shape};
 use graintrain::world::World;
 
-/// Kind of a body, as the array `shapetype` tells it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum ShapeType {
-    Sphere = 0,
-    Box = 1,
-    Capsule = 2,
-    Cylinder = 3,
-    Plane = 4,
-    Mesh = 5,
-    /// Several parts, of which this point is not a sphere.
-    Compound = 6,
-    Hull = 7,
-}
+/// What the array `shapetype` tells of a sphere and of a body of several parts; of others it is
+/// [`Shape::code`].
+const SPHERE: i32 = 0;
+const COMPOUND: i32 = 6;
 
 /// Net contact force and torque on every body, averaged over the step, and its number of loaded contacts.
 struct ContactLoads {
@@ -59,7 +49,7 @@ struct Point {
     body: usize,
     position: Vec3,
     radius: f64,
-    kind: ShapeType,
+    kind: i32,
     half_axes: Vec3,
     orientation: Quat,
 }
@@ -68,7 +58,7 @@ struct Point {
 struct Template {
     position: Vec3,
     radius: f64,
-    kind: ShapeType,
+    kind: i32,
     /// Of an ellipsoid inside the shape, m.
     half_axes: Vec3,
     /// From the axes of the shape to those of the body.
@@ -76,22 +66,10 @@ struct Template {
 }
 
 impl Template {
-    fn sphere(position: Vec3, radius: f64) -> Self {
+    fn sphere(position: Vec3, shape: &Shape) -> Self {
+        let radius = shape.inscribed_radius();
         let half_axes = Vec3::splat(radius);
-        Self { position, radius, kind: ShapeType::Sphere, half_axes, orientation: Quat::IDENTITY }
-    }
-}
-
-/// Half-axes of the largest ellipsoid inside a shape along its own axes, m; `None` for surfaces and
-/// half-spaces.
-fn half_axes(shape: &Shape) -> Option<Vec3> {
-    match shape {
-        Shape::Sphere { radius } => Some(Vec3::splat(*radius)),
-        Shape::Box { half } => Some(*half),
-        Shape::Capsule { half_length, radius } => Some(Vec3::new(*radius, *radius, half_length + radius)),
-        Shape::Cylinder { half_length, radius } => Some(Vec3::new(*radius, *radius, *half_length)),
-        Shape::Hull(hull) => Some(Vec3::splat(hull.inscribed_radius())),
-        Shape::Plane | Shape::Mesh { .. } => None,
+        Self { position, radius, kind: SPHERE, half_axes, orientation: Quat::IDENTITY }
     }
 }
 
@@ -102,30 +80,17 @@ fn points_of(geometry: &Geometry, free: bool) -> Vec<Template> {
     let spheres: Vec<_> = geometry
         .parts
         .iter()
-        .filter_map(|part| match part.shape {
-            Shape::Sphere { radius } => Some(Template::sphere(part.position, radius)),
-            _ => None,
-        })
+        .filter(|part| matches!(part.shape, Shape::Sphere(_)))
+        .map(|part| Template::sphere(part.position, &part.shape))
         .collect();
     if !spheres.is_empty() || !free {
         return spheres;
     }
-    let kind = match geometry.parts.as_slice() {
-        [part] => match part.shape {
-            Shape::Sphere { .. } => ShapeType::Sphere,
-            Shape::Box { .. } => ShapeType::Box,
-            Shape::Plane => ShapeType::Plane,
-            Shape::Capsule { .. } => ShapeType::Capsule,
-            Shape::Cylinder { .. } => ShapeType::Cylinder,
-            Shape::Hull(_) => ShapeType::Hull,
-            Shape::Mesh { .. } => ShapeType::Mesh,
-        },
-        _ => ShapeType::Compound,
-    };
-    let inscribed = geometry.parts.iter().map(|part| inscribed_radius(&part.shape));
+    let kind = if let [part] = geometry.parts.as_slice() { part.shape.code() } else { COMPOUND };
+    let inscribed = geometry.parts.iter().map(|part| part.shape.inscribed_radius());
     let radius = inscribed.reduce(f64::min).unwrap_or(0.0);
     let turned = match geometry.parts.as_slice() {
-        [part] => half_axes(&part.shape).map(|half_axes| (half_axes, part.orientation)),
+        [part] => part.shape.inscribed_half_axes().map(|half_axes| (half_axes, part.orientation)),
         _ => None,
     };
     let (half_axes, orientation) = turned.unwrap_or((Vec3::splat(radius), Quat::IDENTITY));
@@ -191,7 +156,7 @@ pub fn particles(world: &World, numbers: &BodyNumbers, step: f64) -> PolyData {
             "type",
             points.iter().map(|point| bodies.material[point.body].index() as i32).collect(),
         ),
-        DataArray::int32("shapetype", points.iter().map(|point| point.kind as i32).collect()),
+        DataArray::int32("shapetype", points.iter().map(|point| point.kind).collect()),
         DataArray::scalar("radius", points.iter().map(|point| point.radius).collect()),
         DataArray::scalar("mass", points.iter().map(|point| bodies.mass[point.body]).collect()),
         DataArray::vector("v", velocity),
@@ -206,7 +171,7 @@ pub fn particles(world: &World, numbers: &BodyNumbers, step: f64) -> PolyData {
         let geometry = points.iter().map(|point| bodies.geometry[point.body].index() as i64);
         point_data.push(DataArray::int64("geometry", geometry.collect()));
     }
-    if points.iter().any(|point| point.kind != ShapeType::Sphere && world.is_free(point.body)) {
+    if points.iter().any(|point| point.kind != SPHERE && world.is_free(point.body)) {
         let turned = |point: &Point| Mat3::from_quat(point.orientation).to_cols_array();
         let tensor = Values::Real(points.iter().flat_map(turned).collect());
         point_data.push(DataArray { name: "tensor", components: 9, values: tensor });
@@ -228,6 +193,7 @@ mod tests {
     use super::*;
     use graintrain::handle::MaterialId;
     use graintrain::material::Materials;
+    use graintrain::shape::Capsule;
     use graintrain::shape::Part;
     use graintrain::world::Body;
 
@@ -253,7 +219,7 @@ mod tests {
     #[test]
     fn tensors_turn_shapes_to_where_they_are() {
         let along_x = Part {
-            shape: Shape::Capsule { half_length: 0.3, radius: 0.1 },
+            shape: Shape::Capsule(Capsule { half_length: 0.3, radius: 0.1 }),
             position: Vec3::ZERO,
             orientation: Quat::from_rotation_y(std::f64::consts::FRAC_PI_2),
         };

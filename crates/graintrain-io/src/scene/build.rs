@@ -31,7 +31,7 @@ use graintrain::load::{Action, Load};
 use graintrain::material::Materials;
 use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::motion::{Axes, Motion, Profile, Rotation};
-use graintrain::shape::{Geometry, Part, Shape};
+use graintrain::shape::{Cuboid, Geometry, HalfSpace, Mesh, Part, Shape};
 use graintrain::stepper::StepSettings;
 use graintrain::world::{Body, FREE, MassProperties, World};
 use materials::materials;
@@ -627,13 +627,11 @@ fn part(spec: &PartSpec) -> Result<Part, SceneError> {
 fn shape(spec: &ShapeSpec) -> Result<Part, SceneError> {
     let at = |shape, position, orientation| Part { shape, position, orientation };
     let shape = match *spec {
-        ShapeSpec::Sphere { radius } => Shape::Sphere { radius },
-        ShapeSpec::Box { size } => Shape::Box { half: 0.5 * size },
+        ShapeSpec::Lengths(ref spec) => (spec.form.make)(&spec.lengths),
+        ShapeSpec::Box { size } => Shape::Box(Cuboid { half: 0.5 * size }),
         ShapeSpec::Plane { normal } => {
-            return Ok(at(Shape::Plane, Vec3::ZERO, Quat::from_rotation_arc(Vec3::Z, normal)));
+            return Ok(at(Shape::Plane(HalfSpace), Vec3::ZERO, Quat::from_rotation_arc(Vec3::Z, normal)));
         }
-        ShapeSpec::Capsule { length, radius } => Shape::Capsule { half_length: 0.5 * length, radius },
-        ShapeSpec::Cylinder { length, radius } => Shape::Cylinder { half_length: 0.5 * length, radius },
         ShapeSpec::Hull(ref spec) => {
             let (hull, centre) = hull(spec)?;
             return Ok(at(Shape::Hull(hull), centre, Quat::IDENTITY));
@@ -673,9 +671,9 @@ fn mesh_shape(mesh: &MeshSpec) -> Result<Shape, SceneError> {
             (read.vertices, read.triangles)
         }
     };
-    Ok(Shape::Mesh {
+    Ok(Shape::Mesh(Mesh {
         vertices: vertices.into_iter().map(|vertex| vertex * mesh.scale).collect(),
         triangles,
         solid: mesh.solid,
-    })
+    }))
 }

@@ -22,6 +22,7 @@ use graintrain::load::Region;
 use graintrain::material::{MOST_COHESION, TurningResistance};
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Axes;
+use graintrain::shape::{Length, Shape};
 use std::path::PathBuf;
 
 /// How overlap is removed.
@@ -426,18 +427,19 @@ pub(super) fn rotation(parent: &Reader) -> Result<RotationSpec, SceneError> {
 }
 
 pub(super) fn shape(reader: &Reader) -> Result<ShapeSpec, SceneError> {
-    let form = reader.one_of(&["sphere", "box", "plane", "capsule", "cylinder", "hull", "mesh"])?;
+    let form = reader.one_of(schema::SHAPE_NAMES)?;
     let inner = reader.required_child(form)?;
+    if let Some(form) = Shape::BY_LENGTHS.iter().find(|lengths| lengths.name == form) {
+        let length = |length: &Length| match inner.quantity(length.name)? {
+            None if length.is_required => Err(inner.missing(length.name)),
+            given => Ok(given.unwrap_or(0.0)),
+        };
+        let lengths = form.lengths.iter().map(length).collect::<Result<_, _>>()?;
+        return Ok(ShapeSpec::Lengths(LengthsSpec { form, lengths }));
+    }
     Ok(match form {
-        "sphere" => ShapeSpec::Sphere { radius: inner.required("radius")? },
         "box" => ShapeSpec::Box { size: inner.vector("size")?.ok_or_else(|| inner.missing("size"))? },
         "plane" => ShapeSpec::Plane { normal: inner.direction("normal")?.unwrap_or(Vec3::Z) },
-        "capsule" => {
-            ShapeSpec::Capsule { length: inner.required("length")?, radius: inner.required("radius")? }
-        }
-        "cylinder" => {
-            ShapeSpec::Cylinder { length: inner.required("length")?, radius: inner.required("radius")? }
-        }
         "hull" => ShapeSpec::Hull(hull(&inner)?),
         _ => ShapeSpec::Mesh(mesh(&inner)?),
     })

@@ -17,7 +17,7 @@ pub use packing::{
     DropSpec, FileSpec, GrainSpec, LatticeSpec, PackingFormat, PackingSource, PackingSpec, PoissonSpec,
     RadiusDistribution, RadiusSpec,
 };
-pub use shape::{HullSpec, MeshSpec, ShapeSpec};
+pub use shape::{HullSpec, LengthsSpec, MeshSpec, ShapeSpec};
 
 use super::error::Location;
 use crate::settings::Precision;

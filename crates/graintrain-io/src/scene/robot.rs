@@ -337,10 +337,8 @@ impl Import<'_> {
     /// A shape of a link of this number.
     fn shape(&self, link: usize, form: &Form) -> Result<ShapeSpec, SceneError> {
         let (file, scale, line) = match *form {
-            Form::Sphere { radius } => return Ok(ShapeSpec::Sphere { radius }),
+            Form::Lengths(form, ref lengths) => return Ok(ShapeSpec::of_lengths(form, lengths.clone())),
             Form::Box { size } => return Ok(ShapeSpec::Box { size }),
-            Form::Capsule { length, radius } => return Ok(ShapeSpec::Capsule { length, radius }),
-            Form::Cylinder { length, radius } => return Ok(ShapeSpec::Cylinder { length, radius }),
             Form::Mesh { ref file, scale, line } => (file, scale, line),
         };
         let at = |problem: String| self.refuse(FileProblem::at(line, problem));

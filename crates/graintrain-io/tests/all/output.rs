@@ -9,7 +9,7 @@ use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::measure::energy::Ledger;
 use graintrain::motion::{Motion, Profile};
-use graintrain::shape::{Geometry, Part, Shape};
+use graintrain::shape::{Geometry, Part, Shape, Sphere};
 use graintrain::stepper::{PhaseSeconds, PhysicalErrors, SolverChoice, StepReport, StepSettings, Wrench};
 use graintrain::world::{Body, World};
 use graintrain_io::checkpoint::{self, CheckpointError};
@@ -32,7 +32,7 @@ fn world() -> World {
     let small = world.add_geometry(Geometry::sphere(0.1).unwrap());
     let large = world.add_geometry(Geometry::sphere(0.2).unwrap());
     let end = |x: f64| Part {
-        shape: Shape::Sphere { radius: 0.1 },
+        shape: Shape::Sphere(Sphere { radius: 0.1 }),
         position: Vec3::new(x, 0.0, 0.0),
         orientation: Quat::IDENTITY,
     };

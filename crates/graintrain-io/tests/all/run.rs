@@ -9,7 +9,7 @@ use graintrain::load::{Action, Load};
 use graintrain::material::{Materials, TurningResistance};
 use graintrain::math::Vec3;
 use graintrain::motion::{Motion, Profile};
-use graintrain::shape::{Geometry, Shape};
+use graintrain::shape::{Cuboid, Geometry, Shape};
 use graintrain::stepper::{SolverChoice, StepSettings};
 use graintrain::world::{Body, World};
 use graintrain_io::checkpoint;
@@ -35,7 +35,8 @@ fn world() -> World {
     let fixed = world.add_motion(Motion::fixed()).unwrap();
     let turning = world.add_motion(Motion::rotating(Vec3::ZERO, Vec3::Z, Profile::Constant(3.0))).unwrap();
     let ground = world.add_geometry(Geometry::plane());
-    let bar = world.add_geometry(Geometry::single(Shape::Box { half: Vec3::new(0.5, 0.05, 0.05) }).unwrap());
+    let bar = world
+        .add_geometry(Geometry::single(Shape::Box(Cuboid { half: Vec3::new(0.5, 0.05, 0.05) })).unwrap());
     let forms = [
         world.add_geometry(Geometry::sphere(0.1).unwrap()),
         world.add_geometry(Geometry::sphere(0.08).unwrap()),

@@ -3,7 +3,7 @@
 
 use graintrain::collide::deepest_overlap;
 use graintrain::math::Vec3;
-use graintrain::shape::Shape;
+use graintrain::shape::{Mesh, Shape, Sphere};
 use graintrain::stepper::Stepper;
 use graintrain_io::scene::{Scene, Simulation, builtin};
 use graintrain_testdata::public_data;
@@ -165,7 +165,7 @@ fn kleinerts_piles_are_read_as_published() {
             let position = world.bodies.position[body];
             assert!(position.min_element() > 0.0 && position.max_element() < 10.0);
             assert_eq!(world.free_degrees(body), [true, true, true, false, false, false]);
-            let Shape::Sphere { radius } =
+            let Shape::Sphere(Sphere { radius }) =
                 world.geometries[world.bodies.geometry[body].index()].parts[0].shape
             else {
                 panic!("not a sphere")
@@ -213,7 +213,7 @@ fn the_walls_of_dostas_box_are_a_mesh() {
          [body.ball]\nshape = {{ sphere = {{ radius = '1 cm' }} }}\n"
     );
     let simulation = Scene::parse("walls", "walls.toml", &text, Path::new(""), &[]).unwrap().build().unwrap();
-    let Shape::Mesh { vertices, triangles, .. } = &simulation.world.geometries[0].parts[0].shape else {
+    let Shape::Mesh(Mesh { vertices, triangles, .. }) = &simulation.world.geometries[0].parts[0].shape else {
         panic!("not a mesh")
     };
     assert!(triangles.len() > 40, "{}", triangles.len());

@@ -3,7 +3,7 @@
 
 use super::ReproduceError;
 use graintrain::math::{Mat3, Vec3};
-use graintrain::shape::Shape;
+use graintrain::shape::{Cuboid, Shape};
 use graintrain::stepper::{StepError, StepReport, Stepper};
 use graintrain::world::World;
 use graintrain_io::checkpoint;
@@ -343,7 +343,7 @@ fn lowest(world: &World, body: usize) -> f64 {
     let (place, turn) = (world.bodies.position[body], world.bodies.orientation[body]);
     let parts = &world.geometries[world.bodies.geometry[body].index()].parts;
     let lowest = parts.iter().filter_map(|part| {
-        let Shape::Box { half } = part.shape else { return None };
+        let Shape::Box(Cuboid { half }) = part.shape else { return None };
         let axes = Mat3::from_quat(turn * part.orientation);
         let reach = axes.row(2).abs().dot(half);
         Some((place + turn * part.position).z - reach)

@@ -6,7 +6,7 @@ use super::{Definition, MODELS, Measure, Row, VerifyError};
 use graintrain::handle::MaterialId;
 use graintrain::joint::Joint;
 use graintrain::math::{Mat3, Quat, Vec3};
-use graintrain::shape::{Geometry, Part, Shape};
+use graintrain::shape::{Cylinder, Geometry, Part, Shape, Sphere};
 use graintrain::world::{Body, World};
 use graintrain_ccp::FrictionModel::{self, Relaxed};
 use std::f64::consts::FRAC_PI_2;
@@ -105,9 +105,9 @@ impl Top {
         add_ground(&mut world, 0.0)?;
         let (tip, length) = (1e-5, 0.05);
         let part = |shape, z| Part { shape, position: Vec3::new(0.0, 0.0, z), orientation: Quat::IDENTITY };
-        let disc = Shape::Cylinder { half_length: 0.005, radius: 0.04 };
+        let disc = Shape::Cylinder(Cylinder { half_length: 0.005, radius: 0.04 });
         let (form, centre) =
-            Geometry::compound(vec![part(Shape::Sphere { radius: tip }, 0.0), part(disc, length)])?;
+            Geometry::compound(vec![part(Shape::Sphere(Sphere { radius: tip }), 0.0), part(disc, length)])?;
         let across = form.unit_inertia.x_axis.x / form.volume + centre.z * centre.z;
         let along = form.unit_inertia.z_axis.z / form.volume;
         let form = world.add_geometry(form);

@@ -5,7 +5,7 @@ use super::source::{OLSEN_KAMRIN, Source};
 use super::{Definition, MODELS, Measure, Row, VerifyError};
 use graintrain::handle::MaterialId;
 use graintrain::math::{Quat, Vec3};
-use graintrain::shape::{Geometry, Part, Shape};
+use graintrain::shape::{Capsule, Cuboid, Geometry, Part, Shape};
 use graintrain::world::{Body, World};
 use graintrain_ccp::FrictionModel;
 use std::f64::consts::PI;
@@ -252,9 +252,10 @@ fn table() -> Result<Vec<Row>, VerifyError> {
                 position: Vec3::new(x, y, z),
                 orientation: Quat::IDENTITY,
             };
-            let mut parts = vec![part(0.0, 0.0, 0.75, Shape::Box { half: Vec3::new(0.6, 0.4, 0.05) })];
+            let mut parts =
+                vec![part(0.0, 0.0, 0.75, Shape::Box(Cuboid { half: Vec3::new(0.6, 0.4, 0.05) }))];
             for (x, y) in [(0.5, 0.3), (0.5, -0.3), (-0.5, -0.3), (-0.5, 0.3)] {
-                parts.push(part(x, y, 0.35, Shape::Capsule { half_length: 0.3, radius: 0.05 }));
+                parts.push(part(x, y, 0.35, Shape::Capsule(Capsule { half_length: 0.3, radius: 0.05 })));
             }
             let (geometry, centre) = Geometry::compound(parts)?;
             let geometry = world.add_geometry(geometry);

@@ -6,7 +6,7 @@ use super::primitive::{Form, Look, Primitive};
 use super::{ColorBy, RenderSettings};
 use graintrain::contact::Contact;
 use graintrain::math::Vec3;
-use graintrain::shape::{Part, Shape};
+use graintrain::shape::{Capsule, Cuboid, Cylinder, HalfSpace, Mesh, Part, Shape, Sphere, Surface};
 use graintrain::world::World;
 
 /// Brighter than white: walls face away from the key light.
@@ -59,7 +59,7 @@ pub fn bounds(world: &World, grains: &[usize]) -> Bounds {
     let mut planes = Vec::new();
     for body in (0..world.bodies.len()).filter(|&body| !is_grain[body]) {
         for part in parts_of(body) {
-            if part.shape == Shape::Plane {
+            if part.shape == Shape::Plane(HalfSpace) {
                 planes.push((
                     part_center(world, body, part),
                     world.bodies.orientation[body] * part.orientation * Vec3::Z,
@@ -92,16 +92,16 @@ fn part_center(world: &World, body: usize, part: &Part) -> Vec3 {
 fn part_points(world: &World, body: usize, part: &Part) -> Vec<Vec3> {
     let center = part_center(world, body, part);
     let rotation = world.bodies.orientation[body] * part.orientation;
-    let half = match &part.shape {
-        Shape::Plane => return Vec::new(),
-        Shape::Hull(hull) => return hull.corners().iter().map(|&v| center + rotation * v).collect(),
-        Shape::Mesh { vertices, .. } => return vertices.iter().map(|&v| center + rotation * v).collect(),
-        Shape::Sphere { radius } => Vec3::splat(*radius),
-        Shape::Box { half } => *half,
-        Shape::Capsule { half_length, radius } => Vec3::new(*radius, *radius, half_length + radius),
-        Shape::Cylinder { half_length, radius } => Vec3::new(*radius, *radius, *half_length),
+    let points = match &part.shape {
+        Shape::Plane(_) => return Vec::new(),
+        Shape::Hull(hull) => hull.corners().to_vec(),
+        Shape::Mesh(Mesh { vertices, .. }) => vertices.clone(),
+        solid => {
+            let [low, high] = solid.bounds();
+            Bounds { low, high }.corners().to_vec()
+        }
     };
-    Bounds { low: -half, high: half }.corners().into_iter().map(|corner| center + rotation * corner).collect()
+    points.into_iter().map(|point| center + rotation * point).collect()
 }
 
 /// Largest normal force at each body's contacts, N.
@@ -233,16 +233,16 @@ fn forms<'a>(
     let axis = rotation * Vec3::Z;
     let one = |form| Box::new(std::iter::once(form));
     match &part.shape {
-        &Shape::Sphere { radius } => one(Form::Ball { center, radius }),
-        &Shape::Box { half } => one(Form::Box { center, rotation, half }),
-        &Shape::Capsule { half_length, radius } => {
+        &Shape::Sphere(Sphere { radius }) => one(Form::Ball { center, radius }),
+        &Shape::Box(Cuboid { half }) => one(Form::Box { center, rotation, half }),
+        &Shape::Capsule(Capsule { half_length, radius }) => {
             one(Form::Capsule { from: center - half_length * axis, to: center + half_length * axis, radius })
         }
-        &Shape::Cylinder { half_length, radius } => {
+        &Shape::Cylinder(Cylinder { half_length, radius }) => {
             one(Form::Cylinder { from: center - half_length * axis, to: center + half_length * axis, radius })
         }
-        Shape::Plane if bounds.is_empty() => Box::new(std::iter::empty()),
-        Shape::Plane => {
+        Shape::Plane(HalfSpace) if bounds.is_empty() => Box::new(std::iter::empty()),
+        Shape::Plane(HalfSpace) => {
             // The part of the boundary under the scene, as a thin plate.
             let reach = bounds
                 .corners()
@@ -255,11 +255,10 @@ fn forms<'a>(
             let middle = reach.center().with_z(-half.z);
             one(Form::Box { center: center + rotation * middle, rotation, half })
         }
-        Shape::Hull(hull) => Box::new(hull.triangles().into_iter().map(move |triangle| Form::Triangle {
-            corners: triangle.map(|i| center + rotation * hull.corners()[i as usize]),
-        })),
-        Shape::Mesh { vertices, triangles, .. } => Box::new(triangles.iter().map(move |triangle| {
-            Form::Triangle { corners: triangle.map(|i| center + rotation * vertices[i as usize]) }
+        solid => Box::new(solid.surface().into_iter().flat_map(move |Surface { vertices, triangles }| {
+            let corners =
+                move |triangle: [u32; 3]| triangle.map(|i| center + rotation * vertices[i as usize]);
+            triangles.into_iter().map(move |triangle| Form::Triangle { corners: corners(triangle) })
         })),
     }
 }
@@ -297,7 +296,7 @@ fn wall_hides(form: &Form, grains: &[Vec3], camera: &Camera) -> Option<bool> {
 /// side of it.
 pub fn stands_around(world: &World, body: usize, grains: &[Vec3]) -> bool {
     let parts = &world.geometries[world.bodies.geometry[body].index()].parts;
-    if parts.iter().any(|part| part.shape == Shape::Plane) {
+    if parts.iter().any(|part| part.shape == Shape::Plane(HalfSpace)) {
         return true;
     }
     let points = parts.iter().flat_map(|part| part_points(world, body, part));

@@ -6,7 +6,7 @@ use super::*;
 use graintrain::contact::{Contact, ContactSet};
 use graintrain::material::Materials;
 use graintrain::math::Quat;
-use graintrain::shape::Geometry;
+use graintrain::shape::{Geometry, HalfSpace};
 use graintrain::world::Body;
 use proptest::prelude::*;
 
@@ -238,7 +238,7 @@ fn small_world() -> World {
     let stone = materials.add("stone", 1000.0).unwrap();
     let mut world = World::new(Vec3::new(0.0, 0.0, -9.81), materials).unwrap();
     let sphere = world.add_geometry(Geometry::sphere(0.1).unwrap());
-    let ground = world.add_geometry(Geometry::single(graintrain::shape::Shape::Plane).unwrap());
+    let ground = world.add_geometry(Geometry::single(graintrain::shape::Shape::Plane(HalfSpace)).unwrap());
     let fixed = world.add_motion(graintrain::motion::Motion::fixed()).unwrap();
     world.add_body(Body { motion: fixed, ..Body::new(ground, stone, Vec3::ZERO) }).unwrap();
     for (x, speed) in [(0.0, 0.0), (0.2, 2.0)] {

@@ -5,9 +5,8 @@ use crate::render::camera::Bounds;
 use crate::render::subject::{bounds, contact_force, grains, stands_around, towards_grains};
 use graintrain::contact::Contact;
 use graintrain::math::Vec3;
-use graintrain::shape::{Part, Shape};
+use graintrain::shape::{Capsule, HalfSpace, Part, Shape, Sphere, Surface};
 use graintrain::world::World;
-use graintrain_io::output::surfaces::{Triangles, surface};
 
 /// Of so many positions of grains the camera takes its view; of more it takes every second, third, ...
 const MOST_FITTED: usize = 200_000;
@@ -84,7 +83,7 @@ impl Model {
             let index = world.bodies.geometry[body].index();
             let parts = &world.geometries[index].parts;
             match parts.as_slice() {
-                [Part { shape: Shape::Sphere { radius }, position, .. }]
+                [Part { shape: Shape::Sphere(Sphere { radius }), position, .. }]
                     if is_grain[body] && *position == Vec3::ZERO =>
                 {
                     balls.body.push(body);
@@ -107,13 +106,11 @@ impl Model {
                     for part in parts {
                         let triangles = corners(part, Some((world, body, &bounds)));
                         let [walls, tools] = match part.shape {
-                            Shape::Plane => [triangles, Vec::new()],
+                            Shape::Plane(HalfSpace) => [triangles, Vec::new()],
                             _ if may_be_wall => match sides(world, body, &triangles, &centers) {
                                 // The rim of a plate that stands before the grains hides them and tells
                                 // nothing.
-                                [walls, _]
-                                    if matches!(part.shape, Shape::Box { .. }) && !walls.is_empty() =>
-                                {
+                                [walls, _] if matches!(part.shape, Shape::Box(_)) && !walls.is_empty() => {
                                     [walls, Vec::new()]
                                 }
                                 sorted => sorted,
@@ -243,8 +240,10 @@ fn reach(world: &World, body: usize) -> f64 {
 fn corners(part: &Part, scene: Option<(&World, usize, &Bounds)>) -> Vec<f32> {
     let triangles = match (&part.shape, scene) {
         // A capsule of no length is a ball.
-        (Shape::Sphere { radius }, _) => surface(&Shape::Capsule { half_length: 0.0, radius: *radius }),
-        (Shape::Plane, Some((world, body, bounds))) => {
+        (Shape::Sphere(Sphere { radius }), _) => {
+            Shape::Capsule(Capsule { half_length: 0.0, radius: *radius }).surface()
+        }
+        (Shape::Plane(HalfSpace), Some((world, body, bounds))) => {
             let turn = world.bodies.orientation[body] * part.orientation;
             let origin = world.bodies.position[body] + world.bodies.orientation[body] * part.position;
             let reach = bounds
@@ -255,9 +254,9 @@ fn corners(part: &Part, scene: Option<(&World, usize, &Bounds)>) -> Vec<f32> {
             let at = |x: f64, y: f64| Vec3::new(x, y, 0.0);
             let (low, high) = (reach.low, reach.high);
             let vertices = vec![at(low.x, low.y), at(high.x, low.y), at(high.x, high.y), at(low.x, high.y)];
-            (!bounds.is_empty()).then(|| Triangles { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] })
+            (!bounds.is_empty()).then(|| Surface { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]] })
         }
-        (shape, _) => surface(shape),
+        (shape, _) => shape.surface(),
     };
     let Some(triangles) = triangles else { return Vec::new() };
     let place = |&corner: &u32| {

@@ -5,14 +5,12 @@ use super::{ViewError, read_text};
 use graintrain::contact::{Contact, ContactSet};
 use graintrain::handle::{GeometryId, MaterialId};
 use graintrain::math::{Mat3, Quat, Vec3};
-use graintrain::shape::{Geometry, Shape};
+use graintrain::shape::{Geometry, HalfSpace, Shape};
 use graintrain::world::{Body, World};
 use graintrain_io::body_numbers::BodyNumbers;
 use graintrain_io::checkpoint;
 use graintrain_io::files::within;
 use graintrain_io::output::exchange::{ARRAYS, Array, Snapshot};
-use graintrain_io::output::size::inscribed_radius;
-use graintrain_io::output::surfaces::surface;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
@@ -298,11 +296,11 @@ impl RunFolder {
             }
             let geometry = &world.geometries[world.bodies.geometry[body].index()];
             // A plane's patch follows the scene: it says nothing about the body's pose.
-            if geometry.parts.iter().any(|part| part.shape == Shape::Plane) {
+            if geometry.parts.iter().any(|part| part.shape == Shape::Plane(HalfSpace)) {
                 continue;
             }
             let Some((part, template)) =
-                geometry.parts.iter().find_map(|part| surface(&part.shape).map(|template| (part, template)))
+                geometry.parts.iter().find_map(|part| part.shape.surface().map(|template| (part, template)))
             else {
                 continue;
             };
@@ -324,7 +322,7 @@ const MOST_NUMBERS: usize = u32::MAX as usize;
 
 /// Where the first point of a body lies in its frame: at its first sphere, else at its centre.
 fn point_of_body(geometry: &Geometry) -> Vec3 {
-    let sphere = geometry.parts.iter().find(|part| matches!(part.shape, Shape::Sphere { .. }));
+    let sphere = geometry.parts.iter().find(|part| matches!(part.shape, Shape::Sphere(_)));
     sphere.map_or(Vec3::ZERO, |part| part.position)
 }
 
@@ -334,10 +332,10 @@ const SAME_SIZE: f64 = 1e-6;
 /// The radius that frames give the first point of a body: of its first sphere, else of the largest ball
 /// inside all parts.
 fn radius_of_body(geometry: &Geometry) -> f64 {
-    let spheres = geometry.parts.iter().filter(|part| matches!(part.shape, Shape::Sphere { .. }));
-    let first = spheres.map(|part| inscribed_radius(&part.shape)).next();
+    let spheres = geometry.parts.iter().filter(|part| matches!(part.shape, Shape::Sphere(_)));
+    let first = spheres.map(|part| part.shape.inscribed_radius()).next();
     let smallest =
-        || geometry.parts.iter().map(|part| inscribed_radius(&part.shape)).fold(f64::INFINITY, f64::min);
+        || geometry.parts.iter().map(|part| part.shape.inscribed_radius()).fold(f64::INFINITY, f64::min);
     first.unwrap_or_else(smallest)
 }
 

@@ -7,7 +7,7 @@ use graintrain::handle::BodyId;
 use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
-use graintrain::shape::{Geometry, Part, Shape};
+use graintrain::shape::{Geometry, Part, Shape, Sphere};
 use graintrain::stepper::{SolverChoice, StepSettings};
 use graintrain::world::{Body, World};
 use graintrain_ccp::FrictionModel;
@@ -43,7 +43,7 @@ fn world() -> World {
     let ball = world.add_geometry(Geometry::sphere(0.1).unwrap());
     let rod = world.add_geometry(Geometry::capsule(0.1, 0.05).unwrap());
     let sphere = |x: f64| Part {
-        shape: Shape::Sphere { radius: 0.06 },
+        shape: Shape::Sphere(Sphere { radius: 0.06 }),
         position: Vec3::new(x, 0.0, 0.0),
         orientation: Quat::IDENTITY,
     };

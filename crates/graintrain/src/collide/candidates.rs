@@ -203,7 +203,7 @@ impl Collider {
             let normal = orientation * (part.orientation * Vec3::Z);
             let turn = step * world.bodies.angular_velocity[body].cross(normal).length();
             let point = position + orientation * part.position;
-            (part.shape == Shape::Plane).then_some(HalfSpace { normal, point, turn })
+            matches!(part.shape, Shape::Plane(_)).then_some(HalfSpace { normal, point, turn })
         };
         let half_spaces = form.geometry.parts.iter().map(half_space).collect();
         Unbounded { body: body as u32, origin: position, half_spaces }
@@ -212,30 +212,9 @@ impl Collider {
     /// Box in world axes that holds a body without planes.
     pub(super) fn bounds(&self, world: &World, body: usize) -> Aabb {
         let Placed { form, position, orientation } = self.placed(world, body);
-        let boxes = form.geometry.parts.iter().zip(&form.trees).map(|(part, tree)| {
-            let own = match (&part.shape, tree) {
-                (_, Some(tree)) => tree.bounds(),
-                (Shape::Box { half }, _) => Aabb::new(-*half, *half),
-                (Shape::Cylinder { half_length, radius }, _) => {
-                    let half = Vec3::new(*radius, *radius, *half_length);
-                    Aabb::new(-half, half)
-                }
-                (Shape::Capsule { half_length, radius }, _) => {
-                    let half = Vec3::new(*radius, *radius, half_length + radius);
-                    Aabb::new(-half, half)
-                }
-                (Shape::Hull(hull), _) => {
-                    let low = hull.corners().iter().fold(Vec3::INFINITY, |low, c| low.min(*c));
-                    let high = hull.corners().iter().fold(Vec3::NEG_INFINITY, |high, c| high.max(*c));
-                    Aabb::new(low, high)
-                }
-                (shape, _) => {
-                    let half = Vec3::splat(shape.bounding_radius());
-                    Aabb::new(-half, half)
-                }
-            };
+        let boxes = form.geometry.parts.iter().zip(&form.part_bounds).map(|(part, own)| {
             let rotation = Mat3::from_quat(orientation * part.orientation);
-            turned_bounds(&own, position + orientation * part.position, rotation)
+            turned_bounds(own, position + orientation * part.position, rotation)
         });
         boxes
             .reduce(|a, b| Aabb::new(a.mins.min(b.mins), a.maxs.max(b.maxs)))

@@ -14,11 +14,9 @@
 //! the balls in between are held off by the two. Beside a face the nearest ball holds the segment off the
 //! edge, up to terms of second order in the motion (turn times displacement).
 
-use super::distance::{Distance, FaceSet};
 use super::reduce::Touch;
-use crate::hull::{Hull, HullFace};
 use crate::math::Vec3;
-use crate::shape::Shape;
+use crate::shape::Distance;
 
 /// Bisection halves an interval of length 2 to the last bit.
 const BISECTIONS: usize = 54;
@@ -41,7 +39,7 @@ struct Ball {
 
 /// Contacts of the capsule with segment `centre + t * half_axis`, t in [-1, 1], against the convex shape
 /// given by its signed distance, in the shape's frame: all balls of the module's list with gap up to the
-/// envelope, m. `crossings` holds the t of the crossings (see [`crossings`]) in an order that persists.
+/// envelope, m. `crossings` holds the t of the crossings (see `Form::crossings`) in an order that persists.
 /// Normals point from the shape to the capsule.
 pub(crate) fn capsule_contacts(
     centre: Vec3,
@@ -95,67 +93,7 @@ fn lies_between(before: &Ball, ball: &Ball, after: &Ball, radius: f64) -> bool {
     alike(before) && alike(after) && ball.distance.value >= line - 1e-9 * radius
 }
 
-/// Where the line `centre + t * half_axis` crosses the borders of the space over a face of the shape: the
-/// planes of a box's faces, the sides of a hull's faces, the cylinder's mantle and end planes, the end planes
-/// of a capsule's segment. In the shape's frame, in an order of its own; t that do not exist are infinite.
-pub(crate) fn crossings(shape: &Shape, centre: Vec3, half_axis: Vec3) -> Vec<f64> {
-    let slab = |axis: usize, half: f64| {
-        [-half, half].map(|border| {
-            let t = (border - centre[axis]) / half_axis[axis];
-            if t.is_finite() { t } else { f64::INFINITY }
-        })
-    };
-    match *shape {
-        Shape::Box { half } => (0..3).flat_map(|axis| slab(axis, half[axis])).collect(),
-        Shape::Capsule { half_length, .. } => slab(2, half_length).to_vec(),
-        Shape::Cylinder { half_length, radius } => {
-            let [low, high] = slab(2, half_length);
-            let [first, second] = mantle_crossings(centre, half_axis, radius);
-            vec![low, high, first, second]
-        }
-        Shape::Hull(ref hull) => hull_crossings(hull, centre, half_axis),
-        Shape::Sphere { .. } | Shape::Plane | Shape::Mesh { .. } => Vec::new(),
-    }
-}
-
-/// For every side of every face the t at which the line goes over that side: infinite where it does not.
-fn hull_crossings(hull: &Hull, centre: Vec3, half_axis: Vec3) -> Vec<f64> {
-    let crossing = |face: &HullFace, a: u32, b: u32| {
-        let [a, b] = [a, b].map(|k| hull.corners()[k as usize]);
-        let across = face.normal.cross(b - a);
-        let t = across.dot(a - centre) / across.dot(half_axis);
-        let p = centre + t * half_axis;
-        let along = (b - a).dot(p - a) / (b - a).length_squared();
-        let is_over = t.abs() < 1.0 && (0.0..=1.0).contains(&along) && face.normal.dot(p) >= face.offset;
-        if is_over { t } else { f64::INFINITY }
-    };
-    let above = FaceSet::above(hull, [centre - half_axis, centre + half_axis]);
-    let mut found = Vec::with_capacity(2 * hull.edges().len());
-    for (number, face) in hull.faces().iter().enumerate() {
-        let corners = &face.corners;
-        if above.holds(number) {
-            let sides = corners.iter().zip(corners.iter().cycle().skip(1));
-            found.extend(sides.map(|(&a, &b)| crossing(face, a, b)));
-        } else {
-            found.extend(corners.iter().map(|_| f64::INFINITY));
-        }
-    }
-    found
-}
-
-/// Both t at which the line is `radius` away from the z axis.
-fn mantle_crossings(centre: Vec3, half_axis: Vec3, radius: f64) -> [f64; 2] {
-    let (c, a) = (centre.truncate(), half_axis.truncate());
-    let (square, linear, constant) = (a.length_squared(), a.dot(c), c.length_squared() - radius * radius);
-    let discriminant = linear * linear - square * constant;
-    if square == 0.0 || discriminant <= 0.0 {
-        return [f64::INFINITY; 2];
-    }
-    let root = discriminant.sqrt();
-    [(-linear - root) / square, (-linear + root) / square]
-}
-
-/// The same for a triangle: the planes through its edges that stand on its face.
+/// `Form::crossings` of a triangle: the planes through its edges that stand on its face.
 pub(crate) fn triangle_crossings(corners: [Vec3; 3], face: Vec3, centre: Vec3, half_axis: Vec3) -> Vec<f64> {
     (0..3)
         .map(|k| {
@@ -201,19 +139,19 @@ pub(crate) fn minimise(derivative: impl Fn(f64) -> f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::collide::distance::signed_distance;
+    use crate::shape::{Capsule, Cuboid, Shape};
 
     fn contacts(shape: &Shape, centre: Vec3, half_axis: Vec3, radius: f64, envelope: f64) -> Vec<Touch> {
         let mut touches = Vec::new();
-        let borders = crossings(shape, centre, half_axis);
-        let distance = |p| signed_distance(shape, p);
+        let borders = shape.form().crossings(centre, half_axis);
+        let distance = |p| shape.form().signed_distance(p);
         capsule_contacts(centre, half_axis, radius, distance, &borders, envelope, &mut touches);
         touches
     }
 
     #[test]
     fn a_capsule_lying_across_a_box_touches_at_both_edges() {
-        let block = Shape::Box { half: Vec3::new(0.5, 0.5, 0.5) };
+        let block = Shape::Box(Cuboid { half: Vec3::new(0.5, 0.5, 0.5) });
         let centre = Vec3::new(0.0, 0.1, 0.5 + 0.2 + 1e-3);
         let touches = contacts(&block, centre, 2.0 * Vec3::X, 0.2, 0.01);
         let mut x: Vec<f64> = touches.iter().map(|t| t.point.x).collect();
@@ -227,7 +165,7 @@ mod tests {
 
     #[test]
     fn crossed_capsules_touch_once_where_lines_are_nearest() {
-        let other = Shape::Capsule { half_length: 1.0, radius: 0.3 };
+        let other = Shape::Capsule(Capsule { half_length: 1.0, radius: 0.3 });
         let touches = contacts(&other, Vec3::new(0.2, 0.52, 0.4), Vec3::X, 0.2, 0.05);
         assert_eq!(touches.len(), 1, "{touches:?}");
         let touch = touches[0];
@@ -238,7 +176,7 @@ mod tests {
 
     #[test]
     fn the_far_end_of_a_tilted_capsule_is_a_contact_when_the_envelope_reaches_it() {
-        let block = Shape::Box { half: Vec3::splat(1.0) };
+        let block = Shape::Box(Cuboid { half: Vec3::splat(1.0) });
         let (half_length, radius) = (0.02_f64, 0.01);
         for tilt in [1.0_f64, 30.0, 60.0, 80.0].map(f64::to_radians) {
             let half_axis = half_length * Vec3::new(tilt.sin(), 0.0, tilt.cos());
@@ -257,7 +195,7 @@ mod tests {
 
     #[test]
     fn a_capsule_over_an_edge_has_its_end_beside_the_box_and_its_ball_over_the_edge() {
-        let block = Shape::Box { half: Vec3::splat(1.0) };
+        let block = Shape::Box(Cuboid { half: Vec3::splat(1.0) });
         // Low end over the face, high end 0.5 beyond the edge x = 1 and 0.5 above it.
         let touches = contacts(&block, Vec3::new(1.0, 0.0, 1.4), Vec3::new(0.5, 0.0, 0.1), 0.1, 1.0);
         let gaps: Vec<f64> = touches.iter().map(|t| t.gap).collect();

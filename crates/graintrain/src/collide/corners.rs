@@ -20,16 +20,13 @@
 //! corners on a face are added, along the library's normal: of faces whose edges coincide but for round-off
 //! it loses some.
 
-use super::capsule::{crossings, least_between, minimise};
-use super::distance::{
-    Distance, FaceSet, TriangleFeature, highest_face, nearest_on_triangle, signed_distance,
-};
+use super::capsule::{least_between, minimise};
 use super::manifold::Solid;
 use super::reduce::{SAME_PATCH, Touch};
-use crate::hull::{Hull, HullFace};
+use super::triangle::{TriangleFeature, nearest_on_triangle};
 use crate::math::Vec3;
-use crate::shape::Shape;
-use graintrain_linalg::real;
+use crate::shape::polyhedron::nearest_to_edges;
+use crate::shape::{Corners, Distance, Shape};
 
 /// Points nearer than this fraction of the smaller size are left to the library.
 const CLEAR: f64 = 1e-6;
@@ -47,14 +44,6 @@ const ROUNDING: f64 = 1e-9;
 /// First feature of B's points; A's begin at 1. Corners, edges and their crossings of the largest hulls fit
 /// between.
 const OF_B: u64 = 1 << 28;
-
-/// Corners and edges of a solid, in the world. Of a cylinder: per end four points of the rim, of which the
-/// first looks at the other solid, with the chords between them, and the line of the mantle that looks at the
-/// other solid.
-struct Corners {
-    points: Vec<Vec3>,
-    edges: Vec<[usize; 2]>,
-}
 
 /// A point of one solid near the other.
 struct Candidate {
@@ -197,21 +186,18 @@ fn of_one(side: &Side<'_>, envelope: f64, unit: f64, candidates: &mut Vec<Candid
         }
         return;
     };
+    let form = shape.form();
     let inverse = orientation.conjugate();
     let own = |p: Vec3| inverse * (p - position);
     let mut distances: Vec<Option<Distance>> = vec![None; corners.points.len()];
     for (number, &p) in near {
-        let distance = signed_distance(shape, own(p));
+        let distance = form.signed_distance(own(p));
         if distance.value <= envelope {
             add(p, true, first + number as u64);
         }
         distances[number] = Some(distance);
     }
     let numbers = (corners.points.len() as u64).max(64);
-    let per_edge = match shape {
-        Shape::Hull(hull) => 1 + 2 * hull.edges().len() as u64,
-        _ => 16,
-    };
     for (number, edge) in corners.edges.iter().enumerate() {
         if edge.iter().all(|&end| !is_near[end]) {
             continue;
@@ -219,53 +205,26 @@ fn of_one(side: &Side<'_>, envelope: f64, unit: f64, candidates: &mut Vec<Candid
         let [p, q] = edge.map(|end| own(corners.points[end]));
         let (centre, half) = (0.5 * (p + q), 0.5 * (q - p));
         let [at_p, at_q] = [(edge[0], p), (edge[1], q)]
-            .map(|(end, p)| *distances[end].get_or_insert_with(|| signed_distance(shape, p)));
+            .map(|(end, p)| *distances[end].get_or_insert_with(|| form.signed_distance(p)));
         if least_between(&at_p, &at_q, half) > envelope * (1.0 + 1e-9) {
             continue;
         }
-        let feature = first + numbers + per_edge * number as u64;
+        let crossings = form.crossings(centre, half);
+        let feature = first + numbers + (1 + crossings.len() as u64) * number as u64;
         let world = |t: f64| position + orientation * (centre + t * half);
         let nearest = match shape {
             Shape::Hull(hull) => nearest_to_edges(hull, centre, half),
-            _ => minimise(|t| signed_distance(shape, centre + t * half).normal.dot(half)),
+            _ => minimise(|t| form.signed_distance(centre + t * half).normal.dot(half)),
         };
         if nearest.abs() < 1.0 {
             add(world(nearest), false, feature);
         }
-        for (k, t) in crossings(shape, centre, half).into_iter().enumerate() {
+        for (k, t) in crossings.into_iter().enumerate() {
             if t.abs() < 1.0 {
                 add(world(t), false, feature + 1 + k as u64);
             }
         }
     }
-}
-
-/// Where on the segment `centre + t * half`, t in [-1, 1], it is nearest to an edge of the hull. A segment
-/// outside is nearest to the hull there, or over a face: then at an end or where it crosses from one face to
-/// the next.
-fn nearest_to_edges(hull: &Hull, centre: Vec3, half: Vec3) -> f64 {
-    let square = half.length_squared();
-    let along_segment = |p: Vec3| (half.dot(p - centre) / square).clamp(-1.0, 1.0);
-    let mut best = (f64::INFINITY, 0.0);
-    let above = FaceSet::above(hull, [centre - half, centre + half]);
-    for edge in hull.edges().iter().filter(|edge| above.holds_one_of(edge.faces)) {
-        let [a, b] = edge.corners.map(|k| hull.corners()[k as usize]);
-        let along = b - a;
-        let on_edge = |p: Vec3| a + (along.dot(p - a) / along.length_squared()).clamp(0.0, 1.0) * along;
-        // Of two lines that cross askew; clamped to the segment, then to the edge, then to the segment again.
-        let (mixed, edge_square) = (half.dot(along), along.length_squared());
-        let determinant = square * edge_square - mixed * mixed;
-        let start = a - centre;
-        let askew = (half.dot(start) * edge_square - along.dot(start) * mixed) / determinant;
-        let t = if askew.is_finite() { askew.clamp(-1.0, 1.0) } else { 0.0 };
-        let q = on_edge(centre + t * half);
-        let t = along_segment(q);
-        let distance = (centre + t * half - q).length_squared();
-        if distance < best.0 {
-            best = (distance, t);
-        }
-    }
-    best.1
 }
 
 impl Solid<'_> {
@@ -284,19 +243,7 @@ impl Solid<'_> {
         match self {
             Self::Triangle(corners) => farthest(&corners, direction),
             Self::Placed { shape, position, orientation } => {
-                let own = orientation.conjugate() * direction;
-                let beyond = match *shape {
-                    Shape::Box { half } => half.dot(own.abs()),
-                    Shape::Cylinder { half_length, radius } => {
-                        radius * real::hypot(own.x, own.y) + half_length * own.z.abs()
-                    }
-                    Shape::Capsule { half_length, radius } => {
-                        radius * own.length() + half_length * own.z.abs()
-                    }
-                    Shape::Hull(ref hull) => farthest(hull.corners(), own),
-                    ref other => other.bounding_radius() * direction.length(),
-                };
-                direction.dot(position) + beyond
+                direction.dot(position) + shape.form().reach(orientation.conjugate() * direction)
             }
         }
     }
@@ -307,8 +254,8 @@ impl Solid<'_> {
         match self {
             Self::Placed { shape, position, orientation } => {
                 let own = orientation.conjugate() * (p - position);
-                let Distance { value, normal } = signed_distance(shape, own);
-                Some((Distance { value, normal: orientation * normal }, inside_face(shape, own)))
+                let Distance { value, normal } = shape.form().signed_distance(own);
+                Some((Distance { value, normal: orientation * normal }, shape.form().inside_face(own)))
             }
             Self::Triangle(corners) => {
                 let [a, b, c] = corners;
@@ -325,90 +272,25 @@ impl Solid<'_> {
         }
     }
 
-    /// Height of a touching point over the face of a box whose normal is `outward`, m; `None` for points that
-    /// do not touch or lie beside the face.
+    /// Height of a touching point over the flat face whose normal is `outward`, m; `None` for points that do
+    /// not touch or lie beside the face.
     fn height_on_face(self, p: Vec3, outward: Vec3, unit: f64) -> Option<f64> {
         let Self::Placed { shape, position, orientation } = self else { return None };
         let inverse = orientation.conjugate();
-        if let Shape::Hull(hull) = shape {
-            return height_on_hull(hull, inverse * (p - position), inverse * outward, unit);
-        }
-        let &Shape::Box { half } = shape else { return None };
         let (own, normal) = (inverse * (p - position), inverse * outward);
-        let axis = (0..3).find(|&k| normal[k].abs() >= 1.0 - 1e-9)?;
-        let height = own[axis].copysign(own[axis] * normal[axis]) - half[axis];
-        let over = (0..3).all(|k| k == axis || own[k].abs() <= half[k] + CLEAR * unit);
-        (over && height >= -MARGIN * unit && height <= CLEAR * unit).then_some(height)
+        let height = shape.form().height_over_face(own, normal, CLEAR * unit)?;
+        (height >= -MARGIN * unit && height <= CLEAR * unit).then_some(height)
     }
 
+    /// Its corners and edges, in the world.
     fn corners(self, toward: Vec3) -> Corners {
         match self {
             Self::Triangle(corners) => Corners { points: corners.to_vec(), edges: Vec::new() },
-            Self::Placed { shape: &Shape::Box { half }, position, orientation } => {
-                let sign = |corner: usize, axis: usize| if corner >> axis & 1 == 1 { -1.0 } else { 1.0 };
-                let points = (0..8)
-                    .map(|k| position + orientation * (half * Vec3::new(sign(k, 0), sign(k, 1), sign(k, 2))))
-                    .collect();
-                let along =
-                    |axis: usize| (0..8).filter(move |k| k >> axis & 1 == 0).map(move |k| [k, k | 1 << axis]);
-                Corners { points, edges: (0..3).flat_map(along).collect() }
+            Self::Placed { shape, position, orientation } => {
+                let mut corners = shape.form().corners(orientation.conjugate() * toward);
+                corners.points.iter_mut().for_each(|p| *p = position + orientation * *p);
+                corners
             }
-            Self::Placed { shape: &Shape::Cylinder { half_length, radius }, position, orientation } => {
-                let axis = orientation * Vec3::Z;
-                let across = toward - toward.dot(axis) * axis;
-                let level = across.length() <= 1e-9 * toward.length();
-                let down = if level { orientation * Vec3::X } else { across.normalize() };
-                let side = axis.cross(down);
-                let end = |z: f64| [down, side, -down, -side].map(|way| position + z * axis + radius * way);
-                let points = [end(-half_length), end(half_length)].concat();
-                let chord = |first: usize| (0..4).map(move |k| [first + k, first + (k + 1) % 4]);
-                Corners { points, edges: [[0, 4]].into_iter().chain(chord(0)).chain(chord(4)).collect() }
-            }
-            Self::Placed { shape: Shape::Hull(hull), position, orientation } => Corners {
-                points: hull.corners().iter().map(|p| position + orientation * *p).collect(),
-                edges: hull.edges().iter().map(|edge| edge.corners.map(|k| k as usize)).collect(),
-            },
-            Self::Placed { .. } => Corners { points: Vec::new(), edges: Vec::new() },
         }
-    }
-}
-
-/// How far a point of the plane of a face lies inside it, m.
-fn inside_polygon(hull: &Hull, face: &HullFace, p: Vec3) -> f64 {
-    let sides = face.corners.iter().zip(face.corners.iter().cycle().skip(1));
-    let inside = sides.map(|(&a, &b)| {
-        let [a, b] = [a, b].map(|k| hull.corners()[k as usize]);
-        face.normal.cross((b - a).normalize_or_zero()).dot(p - a)
-    });
-    inside.fold(f64::INFINITY, f64::min)
-}
-
-/// [`Solid::height_on_face`] of a hull, in its own frame.
-fn height_on_hull(hull: &Hull, p: Vec3, outward: Vec3, unit: f64) -> Option<f64> {
-    let face = hull.faces().iter().find(|face| face.normal.dot(outward) >= 1.0 - 1e-9)?;
-    let height = face.normal.dot(p) - face.offset;
-    let over = inside_polygon(hull, face, p - height * face.normal) >= -CLEAR * unit;
-    (over && height >= -MARGIN * unit && height <= CLEAR * unit).then_some(height)
-}
-
-/// How far the nearest point of the surface lies inside a face of the box, cylinder or hull; negative on
-/// edges and corners.
-fn inside_face(shape: &Shape, p: Vec3) -> f64 {
-    match *shape {
-        Shape::Box { half } => {
-            let beyond = (p.abs() - half).to_array();
-            let largest = (0..3).fold(0, |best, k| if beyond[k] > beyond[best] { k } else { best });
-            (0..3).filter(|&k| k != largest).map(|k| -beyond[k]).fold(f64::INFINITY, f64::min)
-        }
-        Shape::Cylinder { half_length, radius } => {
-            let (across, along) = (real::hypot(p.x, p.y) - radius, p.z.abs() - half_length);
-            -across.min(along)
-        }
-        Shape::Hull(ref hull) => {
-            let (highest, height) = highest_face(p, hull);
-            let face = &hull.faces()[highest];
-            inside_polygon(hull, face, p - height * face.normal)
-        }
-        _ => 0.0,
     }
 }

@@ -6,63 +6,19 @@ use super::corners::add_corners;
 use super::polish::polish;
 use super::polyhedra::{Polyhedron, polyhedron_contacts};
 use super::reduce::Touch;
-use crate::hull::Hull;
 use crate::math::{Mat3, Pose, Quat, Vec3};
 use crate::shape::Shape;
+use crate::shape::library::Convex;
 use parry3d_f64::query::ContactManifold;
 use parry3d_f64::query::details::{
     contact_manifold_cuboid_cuboid, contact_manifold_cuboid_triangle, contact_manifold_pfm_pfm,
 };
-use parry3d_f64::shape::{
-    Cuboid, Cylinder, PackedFeatureId, PolygonalFeature, PolygonalFeatureMap, SupportMap, Triangle,
-};
-
-/// A box, a cylinder or a triangle in the library's form, scaled by 1 / `unit`: the library's tolerances are
-/// absolute and made for objects of size about 1.
-pub(super) enum Convex<'a> {
-    Box(Cuboid),
-    Cylinder(Cylinder),
-    Triangle(Triangle),
-    Hull(ScaledHull<'a>),
-}
-
-/// A hull with its lengths in units of `unit`.
-pub(super) struct ScaledHull<'a> {
-    pub(super) hull: &'a Hull,
-    pub(super) unit: f64,
-}
-
-impl SupportMap for ScaledHull<'_> {
-    fn local_support_point(&self, dir: Vec3) -> Vec3 {
-        let better = |best: Vec3, next: &Vec3| if next.dot(dir) > best.dot(dir) { *next } else { best };
-        self.hull.corners()[1..].iter().fold(self.hull.corners()[0], better) / self.unit
-    }
-}
-
-impl PolygonalFeatureMap for ScaledHull<'_> {
-    /// Of a face with more corners than the library takes, four around it: the others are among the corners
-    /// added afterwards.
-    fn local_support_feature(&self, dir: Vec3, feature: &mut PolygonalFeature) {
-        let faces = self.hull.faces();
-        let best = (1..faces.len())
-            .fold(0, |best, k| if faces[k].normal.dot(dir) > faces[best].normal.dot(dir) { k } else { best });
-        let corners = &faces[best].corners;
-        let taken = corners.len().min(feature.vertices.len());
-        for k in 0..taken {
-            let corner = corners[k * corners.len() / taken];
-            feature.vertices[k] = self.hull.corners()[corner as usize] / self.unit;
-            feature.vids[k] = PackedFeatureId::vertex(corner);
-            feature.eids[k] = PackedFeatureId::edge(corner);
-        }
-        feature.fid = PackedFeatureId::face(best as u32);
-        feature.num_vertices = taken;
-    }
-}
+use parry3d_f64::shape::Triangle;
 
 /// One of the two touching things.
 #[derive(Clone, Copy)]
 pub(crate) enum Solid<'a> {
-    /// A box, cylinder or hull placed in the world.
+    /// A box, hull or solid of revolution placed in the world.
     Placed { shape: &'a Shape, position: Vec3, orientation: Quat },
     /// A triangle in world coordinates.
     Triangle([Vec3; 3]),
@@ -77,46 +33,13 @@ impl<'a> Solid<'a> {
         match self {
             Self::Placed { shape, position, orientation } => {
                 let translation = (position - origin) / unit;
-                match *shape {
-                    Shape::Cylinder { half_length, radius } => {
-                        // The library's cylinders stand along y.
-                        let along_z = Quat::from_rotation_x(std::f64::consts::FRAC_PI_2);
-                        let cylinder = Cylinder::new(half_length / unit, radius / unit);
-                        (Convex::Cylinder(cylinder), Pose::from_parts(translation, orientation * along_z))
-                    }
-                    Shape::Box { half } => {
-                        (Convex::Box(Cuboid::new(half / unit)), Pose::from_parts(translation, orientation))
-                    }
-                    Shape::Hull(ref hull) => {
-                        (Convex::Hull(ScaledHull { hull, unit }), Pose::from_parts(translation, orientation))
-                    }
-                    _ => unreachable!("other shapes have their own kernels"),
-                }
+                let pose = Pose::from_parts(translation, orientation);
+                (shape.form().in_library(unit).expect("a solid with a kernel of its own"), pose)
             }
             Self::Triangle(corners) => {
                 let [a, b, c] = corners.map(|p| (p - origin) / unit);
                 (Convex::Triangle(Triangle::new(a, b, c)), Pose::IDENTITY)
             }
-        }
-    }
-}
-
-impl Convex<'_> {
-    pub(super) fn support_map(&self) -> &dyn SupportMap {
-        match self {
-            Self::Box(cuboid) => cuboid,
-            Self::Cylinder(cylinder) => cylinder,
-            Self::Triangle(triangle) => triangle,
-            Self::Hull(hull) => hull,
-        }
-    }
-
-    pub(super) fn feature_map(&self) -> &dyn PolygonalFeatureMap {
-        match self {
-            Self::Box(cuboid) => cuboid,
-            Self::Cylinder(cylinder) => cylinder,
-            Self::Triangle(triangle) => triangle,
-            Self::Hull(hull) => hull,
         }
     }
 }
@@ -234,12 +157,13 @@ fn library_manifold(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::shape::Cuboid;
 
     /// Boxes on each other whose faces cover each other but for the last digits: four corners, whatever these
     /// digits are.
     #[test]
     fn faces_that_cover_each_other_touch_at_four_corners() {
-        let shape = Shape::Box { half: Vec3::splat(0.1) };
+        let shape = Shape::Box(Cuboid { half: Vec3::splat(0.1) });
         let mut state = 1_u64;
         let mut draw = |size: f64| {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

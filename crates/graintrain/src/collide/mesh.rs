@@ -7,11 +7,11 @@
 //! normal beyond the edge over which it tilts.
 
 use super::capsule::{capsule_contacts, triangle_crossings};
-use super::distance::{Distance, TriangleFeature, nearest_on_triangle};
 use super::manifold::{Solid, manifold_contacts};
 use super::reduce::Touch;
+use super::triangle::{TriangleFeature, nearest_on_triangle};
 use crate::math::{Mat3, Quat, Vec3, mix};
-use crate::shape::Shape;
+use crate::shape::{Capsule, Distance, Shape, Sphere};
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 use std::collections::HashMap;
@@ -74,23 +74,13 @@ pub(crate) struct Visitor<'a> {
 }
 
 impl Visitor<'_> {
-    /// Where the round of a capsule or cylinder that has this point of its surface comes nearest to a plane
-    /// with this normal. The point itself comes down only as the body rolls on: linearised, as far in half
-    /// the way, and what rolls would be lifted. Points of other bodies, and of a cylinder whose cap lies on
-    /// the plane, are kept.
+    /// Where the round that has this point of its surface comes nearest to a plane with this normal. The
+    /// point itself comes down only as the body rolls on: linearised, as far in half the way, and what rolls
+    /// would be lifted. Points of other bodies, and of one whose flat end lies on the plane, are kept.
     fn foremost_around(&self, point: Vec3, normal: Vec3) -> Vec3 {
-        let axis = self.orientation * Vec3::Z;
-        let from_centre = point - self.position;
-        match *self.shape {
-            Shape::Capsule { half_length, radius } => {
-                let along = axis.dot(from_centre).clamp(-half_length, half_length);
-                self.position + along * axis - radius * normal
-            }
-            Shape::Cylinder { radius, .. } if axis.dot(normal).abs() < NEARLY => {
-                self.position + from_centre.project_onto(axis) - radius * normal.reject_from(axis).normalize()
-            }
-            _ => point,
-        }
+        let inverse = self.orientation.conjugate();
+        let own = self.shape.form().foremost_around(inverse * (point - self.position), inverse * normal);
+        own.map_or(point, |own| self.position + self.orientation * own)
     }
 }
 
@@ -126,11 +116,6 @@ impl TriangleTree {
         Self { corners, shared, around, tree: Bvh::from_leaves(BvhBuildStrategy::default(), &boxes) }
     }
 
-    /// Box that holds the mesh.
-    pub(crate) fn bounds(&self) -> Aabb {
-        self.tree.root_aabb()
-    }
-
     /// Contacts with gap up to the envelope, in the mesh's frame, normals from the mesh to the visitor.
     pub(crate) fn contacts(&self, visitor: &Visitor<'_>, envelope: f64, touches: &mut Vec<Touch>) {
         let reach = visitor.shape.bounding_radius() + envelope;
@@ -141,7 +126,7 @@ impl TriangleTree {
         for &triangle in &near {
             self.triangle_contacts(triangle, visitor, envelope, &mut candidates);
         }
-        if !matches!(visitor.shape, Shape::Sphere { .. }) {
+        if !matches!(visitor.shape, Shape::Sphere(_)) {
             self.leave_surface(&mut candidates, visitor);
         }
         let real = candidates.iter().filter(|c| self.is_real(c, &candidates, visitor));
@@ -161,7 +146,7 @@ impl TriangleTree {
         let toward = if face.dot(visitor.position - corners[0]) < 0.0 { -face } else { face };
         let mut touches: Vec<Touch> = Vec::new();
         match *visitor.shape {
-            Shape::Sphere { radius } => {
+            Shape::Sphere(Sphere { radius }) => {
                 let (foot, feature) = nearest_on_triangle(visitor.position, corners);
                 let Distance { value, normal } = unsigned_distance(visitor.position, foot, toward);
                 let gap = value - radius;
@@ -173,14 +158,15 @@ impl TriangleTree {
                 }
                 return;
             }
-            Shape::Capsule { half_length, radius } => {
+            Shape::Capsule(Capsule { half_length, radius }) => {
                 let half_axis = visitor.orientation * Vec3::new(0.0, 0.0, half_length);
                 let distance = |p: Vec3| unsigned_distance(p, nearest_on_triangle(p, corners).0, toward);
                 let borders = triangle_crossings(corners, face, visitor.position, half_axis);
                 let centre = visitor.position;
                 capsule_contacts(centre, half_axis, radius, distance, &borders, envelope, &mut touches);
             }
-            Shape::Box { .. } | Shape::Cylinder { .. } | Shape::Hull(_) => {
+            Shape::Plane(_) | Shape::Mesh(_) => return,
+            _ => {
                 let Visitor { shape, position, orientation } = *visitor;
                 let solid = Solid::Placed { shape, position, orientation };
                 let unit = shape.bounding_radius();
@@ -188,7 +174,6 @@ impl TriangleTree {
                 let facing = if toward == face { [a, b, c] } else { [a, c, b] };
                 manifold_contacts(solid, Solid::Triangle(facing), unit, position, envelope, &mut touches);
             }
-            Shape::Plane | Shape::Mesh { .. } => return,
         }
         for mut touch in touches {
             touch.feature = triangle_feature(triangle, touch.feature);
@@ -260,7 +245,7 @@ impl TriangleTree {
             TriangleFeature::Vertex(k) => ([corners[k]; 2], 1),
         };
         let mut sharing = self.sharing(candidate.triangle, &touching[..count]);
-        if let Shape::Capsule { radius, .. } = *visitor.shape {
+        if let Shape::Capsule(Capsule { radius, .. }) = *visitor.shape {
             // As for a sphere, with the ball of the capsule that touches.
             let touch = &candidate.touch;
             let centre = touch.point + (radius + 0.5 * touch.gap) * touch.normal;
@@ -277,7 +262,7 @@ impl TriangleTree {
         sharing.flat_map(of_triangle).all(|other| {
             let apart = (other.foot - candidate.foot).length();
             match visitor.shape {
-                Shape::Sphere { .. } => {
+                Shape::Sphere(_) => {
                     // The same point seen from two triangles counts once, from the first.
                     let same = apart <= small;
                     if same {

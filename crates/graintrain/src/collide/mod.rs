@@ -8,11 +8,11 @@
 //! | `broad`, `search` | the loop over bodies that makes the list of contacts; which touches count |
 //! | `overlaps` | what an initial state should be checked for |
 //! | `narrow` | contacts of two bodies, shape by shape |
-//! | `distance`, `plane`, `capsule` | closed-form kernels |
+//! | `triangle`, `plane`, `capsule` | closed-form kernels |
 //! | `mesh` | triangle meshes, without contacts that only the cut into triangles makes |
 //! | `polyhedra` | convex hulls with hulls, boxes and triangles, in closed form |
-//! | `manifold`, `corners` | boxes and cylinders, and hulls with cylinders, through the collision library; corners and edges that it leaves out |
-//! | `polish` | the exact normal of a contact of a cylinder, from the library's nearly exact one |
+//! | `manifold`, `corners` | boxes and what is round, and hulls with what is round, through the collision library; corners and edges that it leaves out |
+//! | `polish` | the exact normal of a contact of a cylinder or cone, from the library's nearly exact one |
 //! | `reduce` | the contacts that a patch needs: four, up to eight where four do not hold the others |
 //! | `sweep` | when fast bodies meet within a step, and the contact that lets them arrive |
 //! | `union` | what overlapping parts of a compound have in common |
@@ -24,7 +24,6 @@ mod broad;
 mod candidates;
 mod capsule;
 mod corners;
-pub(crate) mod distance;
 mod encoding;
 mod grid;
 pub(crate) mod identity;
@@ -41,6 +40,7 @@ mod reduce;
 mod sampled_motions;
 mod search;
 pub(crate) mod sweep;
+pub(crate) mod triangle;
 pub(crate) mod union;
 
 pub use broad::Collider;

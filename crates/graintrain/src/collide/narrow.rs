@@ -1,13 +1,13 @@
 //! Narrow phase: contacts of two bodies near each other.
 
-use super::capsule::{capsule_contacts, crossings};
-use super::distance::signed_distance;
+use super::capsule::capsule_contacts;
 use super::manifold::{Solid, manifold_contacts};
 use super::mesh::{TriangleTree, Visitor};
 use super::plane::plane_contacts;
 use super::reduce::{Touch, reduce};
 use crate::math::{Mat3, Quat, Vec3, mix};
-use crate::shape::{Geometry, Shape};
+use crate::shape::{Capsule, Geometry, HalfSpace, Mesh, Shape, Sphere};
+use parry3d_f64::bounding_volume::Aabb;
 
 /// A geometry with what the collision phase derives from it once.
 pub(crate) struct Collidable {
@@ -23,20 +23,26 @@ pub(crate) struct Collidable {
     pub trees: Vec<Option<TriangleTree>>,
     /// One entry per part: radius of a ball about the part's origin that holds the part.
     pub part_radius: Vec<f64>,
+    /// One entry per part: box along the part's axes around it.
+    pub part_bounds: Vec<Aabb>,
 }
 
 impl Collidable {
     pub(crate) fn new(geometry: &Geometry) -> Self {
         let ball = match geometry.parts.as_slice() {
             [part] if part.position == Vec3::ZERO => match part.shape {
-                Shape::Sphere { radius } => Some(radius),
+                Shape::Sphere(Sphere { radius }) => Some(radius),
                 _ => None,
             },
             _ => None,
         };
         let tree = |shape: &Shape| match shape {
-            Shape::Mesh { vertices, triangles, .. } => Some(TriangleTree::new(vertices, triangles)),
+            Shape::Mesh(Mesh { vertices, triangles, .. }) => Some(TriangleTree::new(vertices, triangles)),
             _ => None,
+        };
+        let bounds = |shape: &Shape| {
+            let [low, high] = shape.bounds();
+            Aabb::new(low, high)
         };
         Self {
             bounding_radius: geometry.bounding_radius(),
@@ -44,6 +50,7 @@ impl Collidable {
             ball,
             trees: geometry.parts.iter().map(|part| tree(&part.shape)).collect(),
             part_radius: geometry.parts.iter().map(|part| part.shape.bounding_radius()).collect(),
+            part_bounds: geometry.parts.iter().map(|part| bounds(&part.shape)).collect(),
             geometry: geometry.clone(),
         }
     }
@@ -136,15 +143,13 @@ fn part_contacts(a: &PlacedPart<'_>, b: &PlacedPart<'_>, envelope: f64, touches:
 }
 
 /// Rank of a shape: kernels take the lower rank as A.
-fn rank(shape: &Shape) -> u8 {
+fn rank(shape: &Shape) -> (u8, i32) {
     match shape {
-        Shape::Sphere { .. } => 0,
-        Shape::Capsule { .. } => 1,
-        Shape::Box { .. } => 2,
-        Shape::Cylinder { .. } => 3,
-        Shape::Hull(_) => 4,
-        Shape::Mesh { .. } => 5,
-        Shape::Plane => 6,
+        Shape::Sphere(_) => (0, 0),
+        Shape::Capsule(_) => (1, 0),
+        Shape::Mesh(_) => (3, 0),
+        Shape::Plane(_) => (4, 0),
+        solid => (2, solid.code()),
     }
 }
 
@@ -158,27 +163,27 @@ fn ordered_contacts(a: &PlacedPart<'_>, b: &PlacedPart<'_>, envelope: f64, touch
     let inverse = b.orientation.conjugate();
     let position = inverse * (a.position - b.position);
     match (a.shape, b.shape) {
-        (_, Shape::Mesh { .. }) => {
+        (_, Shape::Mesh(_)) => {
             let Some(tree) = b.tree else { return };
             let visitor = Visitor { shape: a.shape, position, orientation: inverse * a.orientation };
             tree.contacts(&visitor, envelope, touches);
         }
-        (_, Shape::Plane) => {
+        (_, Shape::Plane(HalfSpace)) => {
             let rotation = Mat3::from_quat(inverse * a.orientation);
             plane_contacts(a.shape, position, rotation, envelope, touches);
         }
-        (&Shape::Sphere { radius }, solid) => {
-            let distance = signed_distance(solid, position);
+        (&Shape::Sphere(Sphere { radius }), solid) => {
+            let distance = solid.form().signed_distance(position);
             let gap = distance.value - radius;
             if gap <= envelope {
                 let point = position - (radius + 0.5 * gap) * distance.normal;
                 touches.push(Touch { point, normal: distance.normal, gap, feature: 0 });
             }
         }
-        (&Shape::Capsule { half_length, radius }, solid) => {
+        (&Shape::Capsule(Capsule { half_length, radius }), solid) => {
             let half_axis = inverse * (a.orientation * Vec3::new(0.0, 0.0, half_length));
-            let distance = |p: Vec3| signed_distance(solid, p);
-            let borders = crossings(solid, position, half_axis);
+            let distance = |p: Vec3| solid.form().signed_distance(p);
+            let borders = solid.form().crossings(position, half_axis);
             capsule_contacts(position, half_axis, radius, distance, &borders, envelope, touches);
         }
         (shape_a, shape_b) => {

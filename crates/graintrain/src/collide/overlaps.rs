@@ -40,7 +40,7 @@ pub fn deepest_overlap(world: &World) -> Option<Overlap> {
 /// are not computed.
 pub fn meshes_that_meet(world: &World) -> Option<[usize; 2]> {
     let is_mesh =
-        |geometry: &Geometry| geometry.parts.iter().any(|part| matches!(part.shape, Shape::Mesh { .. }));
+        |geometry: &Geometry| geometry.parts.iter().any(|part| matches!(part.shape, Shape::Mesh(_)));
     let meshes: Vec<bool> = world.geometries.iter().map(is_mesh).collect();
     let with_mesh = (0..world.bodies.len()).filter(|&body| meshes[world.bodies.geometry[body].index()]);
     let with_mesh: Vec<usize> = with_mesh.collect();

@@ -3,7 +3,7 @@
 use super::broad::Collider;
 use super::narrow::{Collidable, Placed, body_contacts};
 use crate::math::{Quat, Vec3};
-use crate::shape::{Geometry, Shape};
+use crate::shape::{Geometry, HalfSpace, Shape};
 use crate::world::World;
 
 /// The bodies near a box, to be asked again and again.
@@ -89,7 +89,7 @@ impl<'a> Places<'a> {
                 let behind = them.form.geometry.parts.iter().any(|part| {
                     let normal = them.orientation * (part.orientation * Vec3::Z);
                     let origin = them.position + them.orientation * part.position;
-                    part.shape == Shape::Plane && (position - origin).dot(normal) < 0.0
+                    part.shape == Shape::Plane(HalfSpace) && (position - origin).dot(normal) < 0.0
                 });
                 touches.clear();
                 body_contacts(me, them, clearance, &mut touches);

@@ -1,6 +1,6 @@
-//! The exact normal of a contact of a cylinder.
+//! The exact normal of a contact of a cylinder or cone.
 //!
-//! The collision library finds the normal n of least overlap (greatest distance) of a cylinder and another
+//! The collision library finds the normal n of least overlap (greatest distance) of a round and another
 //! convex solid by iteration (GJK, EPA), to about 1e-8 where they are apart and 1e-3 where they barely touch,
 //! and sometimes not at all: two wheels side by side with no gap got a normal 45 degrees off. The gap along a
 //! direction,
@@ -10,12 +10,13 @@
 //! ```
 //!
 //! is greatest at the exact normal. Most are one of a few directions with a closed form: the normal of a face
-//! or cap, the common normal of an axis and an edge, of two axes, of an axis and a corner. Where the best of
-//! them does as well as the normal found, it is the normal.
+//! or cap, the common normal of a mantle and an edge, of two mantles, of a mantle and a corner. Where the
+//! best of them does as well as the normal found, it is the normal.
 
-use super::manifold::Convex;
 use crate::hull::HullEdge;
 use crate::math::{Pose, Vec3};
+use crate::shape::frustum::Frustum;
+use crate::shape::library::Convex;
 use parry3d_f64::query::{ContactManifold, TrackedContact};
 use parry3d_f64::shape::{PackedFeatureId, PolygonalFeature, SupportMap};
 
@@ -26,15 +27,13 @@ const AS_FAR: f64 = 1e-9;
 /// smaller solid.
 const FOREMOST: f64 = 0.1;
 
-/// A normal this much or more across the axis of a cylinder belongs to its mantle (the library's own bound).
-const MANTLE: f64 = 0.5;
-
-/// Replaces the normal of a manifold and its points by exact ones, where a cylinder is among the solids and a
-/// closed form is the normal. Lengths in sizes of the smaller solid, in the frame of A; the normal points
-/// from A to B.
+/// Replaces the normal of a manifold and its points by exact ones, where something round is among the solids
+/// and a closed form is the normal. Lengths in sizes of the smaller solid, in the frame of A; the normal
+/// points from A to B.
 pub(super) fn polish(a: &Convex<'_>, b: &Convex<'_>, pose: &Pose, manifold: &mut ContactManifold<(), ()>) {
     let found = manifold.local_n1;
-    if !(a.is_cylinder() || b.is_cylinder()) || !found.is_finite() || found == Vec3::ZERO {
+    let is_round = |solid: &Convex<'_>| matches!(solid, Convex::Round(_));
+    if !(is_round(a) || is_round(b)) || !found.is_finite() || found == Vec3::ZERO {
         return;
     }
     let gap = |n: Vec3| {
@@ -75,41 +74,66 @@ pub(super) fn polish(a: &Convex<'_>, b: &Convex<'_>, pose: &Pose, manifold: &mut
     (manifold.local_n1, manifold.local_n2) = (normal, back);
 }
 
-/// Directions that may be the normal, in the frame of A, of any length and sign.
+/// Directions that may be the normal, in the frame of A, of any length and sign: the normals of faces, the
+/// common normals of two lines, those of a mantle and a point.
 fn candidates(a: &Convex<'_>, b: &Convex<'_>, pose: &Pose, found: Vec3) -> Vec<Vec3> {
     let turn = |v: Vec3| pose.rotation * v;
-    let back = pose.rotation.inverse() * found;
+    let back = pose.rotation.inverse() * -found;
     let mut all = a.face_normals(found);
-    all.extend(b.face_normals(-back).into_iter().map(turn));
-    let (own, other) = (a.edges(found), b.edges(-back).into_iter().map(turn).collect::<Vec<_>>());
-    if a.is_cylinder() {
-        all.extend(other.iter().map(|edge| Vec3::Y.cross(*edge)));
-        // Of the axis and the corner of B that is nearest; parallel axes.
-        let point = if b.is_cylinder() {
-            pose.translation
-        } else {
-            pose * b.support_map().local_support_point(-back)
-        };
-        all.push(point.with_y(0.0));
+    all.extend(b.face_normals(back).into_iter().map(turn));
+    // B's outward normal is the opposite one.
+    let others: Vec<Line> =
+        b.lines(back).into_iter().map(|line| Line { along: turn(line.along), sine: -line.sine }).collect();
+    for own in a.lines(found) {
+        all.extend(others.iter().flat_map(|other| common_normals(&own, other)));
     }
-    if b.is_cylinder() {
-        all.extend(own.iter().map(|edge| turn(Vec3::Y).cross(*edge)));
-        let point = if a.is_cylinder() { Vec3::ZERO } else { a.support_map().local_support_point(found) };
-        all.push(turn(pose.inverse_transform_point(point).with_y(0.0)));
+    // The corner of the other one that is nearest; its axis, where both are parallel.
+    let axis = |solid: &Convex<'_>| matches!(solid, Convex::Round(_)).then_some(Vec3::ZERO);
+    if let Convex::Round(own) = a {
+        let points = axis(b).into_iter().chain([b.support_map().local_support_point(back)]);
+        all.extend(points.filter_map(|point| mantle_normal_toward(own, pose * point)));
+    }
+    if let Convex::Round(own) = b {
+        let points = axis(a).into_iter().chain([a.support_map().local_support_point(found)]);
+        let normals = points.filter_map(|p| mantle_normal_toward(own, pose.inverse_transform_point(p)));
+        all.extend(normals.map(turn));
     }
     all
 }
 
-impl Convex<'_> {
-    fn is_cylinder(&self) -> bool {
-        matches!(self, Self::Cylinder(_))
-    }
+/// Straight lines of a surface along a direction: an edge, or those of a mantle, which go round its axis.
+/// Their normals n have n . along = sine.
+struct Line {
+    /// Of any length, but one for mantles.
+    along: Vec3,
+    sine: f64,
+}
 
+/// The unit vectors n with n . d = s for both lines: n = alpha d_1 + beta d_2 +- gamma d_1 x d_2.
+fn common_normals(one: &Line, other: &Line) -> Vec<Vec3> {
+    let [Some(d1), Some(d2)] = [one, other].map(|line| line.along.try_normalize()) else { return Vec::new() };
+    let (cosine, across) = (d1.dot(d2), d1.cross(d2));
+    let square = across.length_squared();
+    let in_plane = ((one.sine - cosine * other.sine) * d1 + (other.sine - cosine * one.sine) * d2) / square;
+    let rest = (1.0 - in_plane.length_squared()) / square;
+    if !(rest > 0.0 && rest.is_finite()) {
+        return Vec::new();
+    }
+    [1.0, -1.0].map(|sign| in_plane + sign * rest.sqrt() * across).to_vec()
+}
+
+/// The normal of the mantle beside this point of its frame.
+fn mantle_normal_toward(frustum: &Frustum, point: Vec3) -> Option<Vec3> {
+    let (out, up) = frustum.mantle_normal();
+    Some(out * point.with_z(0.0).try_normalize()? + up * Vec3::Z)
+}
+
+impl Convex<'_> {
     /// Normals of faces (one sign of each pair of opposite ones); of a hull the one nearest to a direction.
     fn face_normals(&self, near: Vec3) -> Vec<Vec3> {
         match self {
             Self::Box(_) => vec![Vec3::X, Vec3::Y, Vec3::Z],
-            Self::Cylinder(_) => vec![Vec3::Y],
+            Self::Round(_) => vec![Vec3::Z],
             Self::Triangle(triangle) => vec![(triangle.b - triangle.a).cross(triangle.c - triangle.a)],
             Self::Hull(scaled) => {
                 let by = |sign: f64| {
@@ -121,15 +145,15 @@ impl Convex<'_> {
         }
     }
 
-    /// Directions of straight edges; of a cylinder that of its axis, of a hull of those that are foremost
-    /// along a direction.
-    fn edges(&self, along: Vec3) -> Vec<Vec3> {
+    /// Its straight edges, of a hull those that are foremost along a direction; its mantle.
+    fn lines(&self, along: Vec3) -> Vec<Line> {
+        let edge = |along: Vec3| Line { along, sine: 0.0 };
         match self {
-            Self::Box(_) => vec![Vec3::X, Vec3::Y, Vec3::Z],
-            Self::Cylinder(_) => vec![Vec3::Y],
+            Self::Box(_) => [Vec3::X, Vec3::Y, Vec3::Z].map(edge).into(),
+            Self::Round(frustum) => vec![Line { along: Vec3::Z, sine: frustum.mantle_normal().1 }],
             Self::Triangle(triangle) => {
                 let [a, b, c] = [triangle.a, triangle.b, triangle.c];
-                vec![b - a, c - b, a - c]
+                [b - a, c - b, a - c].map(edge).into()
             }
             Self::Hull(scaled) => {
                 let corners = scaled.hull.corners();
@@ -137,18 +161,15 @@ impl Convex<'_> {
                 let is_foremost = |k: u32| along.dot(corners[k as usize]) > front - FOREMOST * scaled.unit;
                 let edges = scaled.hull.edges().iter().map(|edge: &HullEdge| edge.corners);
                 let edges = edges.filter(|ends| ends.iter().all(|&k| is_foremost(k)));
-                edges.map(|[from, to]| corners[to as usize] - corners[from as usize]).collect()
+                edges.map(|[from, to]| edge(corners[to as usize] - corners[from as usize])).collect()
             }
         }
     }
 
-    /// The point of a cylinder's mantle beside this point of it, where its outward normal is such a one.
+    /// The point of a mantle beside this point of it, where its outward normal is such a one.
     fn on_mantle(&self, point: Vec3, outward: Vec3) -> Option<Vec3> {
         match self {
-            Self::Cylinder(cylinder) if outward.y.abs() < MANTLE => {
-                let height = point.y.clamp(-cylinder.half_height, cylinder.half_height);
-                Some((cylinder.radius * outward.with_y(0.0).normalize()).with_y(height))
-            }
+            Self::Round(frustum) => frustum.on_mantle(point, outward),
             _ => None,
         }
     }
@@ -159,7 +180,7 @@ mod tests {
     use super::super::manifold::{Solid, manifold_contacts};
     use super::*;
     use crate::math::{Quat, rotation_exponential};
-    use crate::shape::Shape;
+    use crate::shape::{Cuboid, Cylinder, Shape};
 
     /// Numbers in [-1, 1) from a fixed linear congruence.
     fn random() -> impl FnMut() -> f64 {
@@ -175,8 +196,8 @@ mod tests {
     /// radius, whatever their common position and turn.
     #[test]
     fn closed_forms_are_met_to_rounding() {
-        let wheel = Shape::Cylinder { half_length: 0.1, radius: 0.1 };
-        let block = Shape::Box { half: Vec3::new(0.3, 0.4, 0.5) };
+        let wheel = Shape::Cylinder(Cylinder { half_length: 0.1, radius: 0.1 });
+        let block = Shape::Box(Cuboid { half: Vec3::new(0.3, 0.4, 0.5) });
         let mut next = random();
         let lying = Quat::from_rotation_x(std::f64::consts::FRAC_PI_2);
         let edge = Quat::from_rotation_x(std::f64::consts::FRAC_PI_4);

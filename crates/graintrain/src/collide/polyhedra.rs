@@ -8,12 +8,12 @@
 //! corners; so is the pair of features that gave n. Polyhedra that are nearest with a corner or across other
 //! edges have those points from [`super::corners`].
 
-use super::distance::FaceSet;
 use super::manifold::Solid;
 use super::reduce::Touch;
 use crate::hull::HullEdge;
 use crate::math::{Quat, Vec3, tangents};
-use crate::shape::Shape;
+use crate::shape::polyhedron::FaceSet;
+use crate::shape::{Cuboid, Shape};
 use graintrain_linalg::real;
 
 /// By this fraction of the smaller size edges have to be farther apart than faces to be preferred.
@@ -102,7 +102,7 @@ impl<'a> Polyhedron<'a> {
                     is_flat: false,
                 })
             }
-            Solid::Placed { shape: &Shape::Box { half }, position, orientation } => {
+            Solid::Placed { shape: &Shape::Box(Cuboid { half }), position, orientation } => {
                 Some(Self::of_box(half, position - origin, orientation))
             }
             Solid::Triangle(corners) => {
@@ -456,7 +456,7 @@ mod tests {
             distance in 0.3..1.6_f64,
             is_box in any::<bool>(),
         ) {
-            let (stone, block) = (stone(), Shape::Box { half: Vec3::new(0.5, 0.3, 0.05) });
+            let (stone, block) = (stone(), Shape::Box(Cuboid { half: Vec3::new(0.5, 0.3, 0.05) }));
             let position = distance * Vec3::from_array(place).normalize_or(Vec3::X);
             let turns = turns.map(|turn| rotation_exponential(Vec3::from_array(turn)));
             let other = if is_box { &block } else { &stone };

@@ -23,6 +23,9 @@ pub(crate) const SAME_PATCH: f64 = 0.95;
 /// Points nearer to each other than this fraction of the patch's extent are one point.
 const SAME_POINT: f64 = 1e-3;
 
+/// By this fraction of their coordinates rounding moves points.
+const ROUNDING: f64 = 1e-13;
+
 /// Points among which each is held against each to find those that coincide.
 const FEW: usize = 64;
 
@@ -72,7 +75,7 @@ pub(crate) fn reduce(touches: &mut Vec<Touch>) {
 /// Of points that coincide keeps the first, which is the deepest.
 fn remove_duplicates(patch: &mut Vec<Touch>) {
     let extent = patch.iter().map(|t| (t.point - patch[0].point).length()).fold(0.0, f64::max);
-    let apart = SAME_POINT * extent;
+    let apart = (SAME_POINT * extent).max(ROUNDING * patch[0].point.abs().max_element());
     if patch.len() > FEW && apart > 0.0 {
         remove_duplicates_among_many(patch, apart);
         return;

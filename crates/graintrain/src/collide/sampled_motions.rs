@@ -1,12 +1,11 @@
 //! The contacts of a pair against brute force: motions that every linearised contact allows, and what then
 //! overlaps by dense sampling of both surfaces.
 
-use super::distance::signed_distance;
 use super::narrow::{Collidable, Placed, body_contacts};
 use super::reduce::Touch;
 use crate::hull::Hull;
 use crate::math::{Quat, Vec3, rotation_exponential};
-use crate::shape::{Geometry, Shape};
+use crate::shape::{Capsule, Cuboid, Cylinder, Geometry, Shape};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::TAU;
@@ -16,19 +15,19 @@ use std::f64::consts::TAU;
 const ENVELOPE: f64 = 0.02;
 
 fn block() -> Shape {
-    Shape::Box { half: Vec3::new(0.5, 0.3, 0.2) }
+    Shape::Box(Cuboid { half: Vec3::new(0.5, 0.3, 0.2) })
 }
 
 fn wide_block() -> Shape {
-    Shape::Box { half: Vec3::new(0.8, 0.7, 0.3) }
+    Shape::Box(Cuboid { half: Vec3::new(0.8, 0.7, 0.3) })
 }
 
 fn capsule() -> Shape {
-    Shape::Capsule { half_length: 0.5, radius: 0.1 }
+    Shape::Capsule(Capsule { half_length: 0.5, radius: 0.1 })
 }
 
 fn cylinder() -> Shape {
-    Shape::Cylinder { half_length: 0.3, radius: 0.25 }
+    Shape::Cylinder(Cylinder { half_length: 0.3, radius: 0.25 })
 }
 
 fn stone() -> Shape {
@@ -56,7 +55,7 @@ fn surface(shape: &Shape) -> Vec<Vec3> {
         for j in 0..=n {
             let (u, v) = (2.0 * f64::from(i) / f64::from(n) - 1.0, 2.0 * f64::from(j) / f64::from(n) - 1.0);
             match *shape {
-                Shape::Box { half } => {
+                Shape::Box(Cuboid { half }) => {
                     for side in [-1.0, 1.0] {
                         points.extend(
                             [(side, u, v), (u, side, v), (u, v, side)]
@@ -64,12 +63,12 @@ fn surface(shape: &Shape) -> Vec<Vec3> {
                         );
                     }
                 }
-                Shape::Cylinder { half_length, radius } => {
+                Shape::Cylinder(Cylinder { half_length, radius }) => {
                     let rim = radius * Vec3::new((TAU * u).cos(), (TAU * u).sin(), 0.0);
                     let height = half_length * Vec3::Z;
                     points.extend([rim + v * height, v * rim + height, v * rim - height]);
                 }
-                Shape::Capsule { half_length, radius } => {
+                Shape::Capsule(Capsule { half_length, radius }) => {
                     let around = Vec3::new((TAU * u).cos(), (TAU * u).sin(), 0.0);
                     points.push(radius * around + v * half_length * Vec3::Z);
                     let (sine, cosine) = (0.25 * TAU * v).sin_cos();
@@ -98,8 +97,8 @@ fn surface(shape: &Shape) -> Vec<Vec3> {
 /// Deepest point of either surface inside the other shape, m; B is at the origin.
 fn overlap(a: &Shape, position: Vec3, orientation: Quat, b: &Shape) -> f64 {
     let inverse = orientation.conjugate();
-    let of_a = surface(a).into_iter().map(|p| signed_distance(b, position + orientation * p).value);
-    let of_b = surface(b).into_iter().map(|p| signed_distance(a, inverse * (p - position)).value);
+    let of_a = surface(a).into_iter().map(|p| b.form().signed_distance(position + orientation * p).value);
+    let of_b = surface(b).into_iter().map(|p| a.form().signed_distance(inverse * (p - position)).value);
     -of_a.chain(of_b).fold(f64::INFINITY, f64::min)
 }
 

@@ -13,7 +13,7 @@
 use super::narrow::{Placed, body_contacts, contacts_of_parts};
 use super::reduce::Touch;
 use crate::math::{Vec3, rotation_exponential};
-use crate::shape::Shape;
+use crate::shape::{HalfSpace, Shape};
 
 /// Poses looked at per pair of parts at most. What is then left of the gap is part of the contact; the time
 /// is too early.
@@ -184,7 +184,7 @@ fn ball_and_plane(
     spin: Vec3,
 ) -> Option<Option<f64>> {
     let [part] = plane.form.geometry.parts.as_slice() else { return None };
-    if part.shape != Shape::Plane || spin != Vec3::ZERO {
+    if part.shape != Shape::Plane(HalfSpace) || spin != Vec3::ZERO {
         return None;
     }
     let normal = plane.orientation * (part.orientation * Vec3::Z);
@@ -297,6 +297,7 @@ mod tests {
     use super::*;
     use crate::collide::narrow::Collidable;
     use crate::math::Quat;
+    use crate::shape::Sphere;
     use crate::shape::{Geometry, Part};
     use proptest::prelude::*;
 
@@ -420,7 +421,7 @@ mod tests {
 
     fn forms() -> Vec<Collidable> {
         let part = |x: f64| Part {
-            shape: Shape::Sphere { radius: 0.2 },
+            shape: Shape::Sphere(Sphere { radius: 0.2 }),
             position: Vec3::new(x, 0.0, 0.0),
             orientation: Quat::IDENTITY,
         };

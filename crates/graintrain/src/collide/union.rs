@@ -8,11 +8,10 @@
 //! sampled at [`SAMPLES`]^3 points. The tree covers the box around what the parts have in common only, so
 //! that the error is one of the common volume: below 1e-3 of it (tests).
 
-use super::distance::signed_distance;
-use super::mesh::turned_bounds;
 use super::narrow::{Collidable, Placed, body_contacts};
 use crate::math::{Mat3, Quat, Vec3};
-use crate::shape::{Geometry, Part, Shape};
+use crate::moments::{Moments, outer};
+use crate::shape::{Geometry, Part, Shape, Sphere};
 use parry3d_f64::bounding_volume::Aabb;
 use std::f64::consts::PI;
 
@@ -25,49 +24,6 @@ const DEPTH: usize = 6;
 
 /// Points per direction in the smallest cells.
 const SAMPLES: usize = 4;
-
-/// Volume and its first and second moments about the origin: integrals of 1, p and p p^T; m^3, m^4, m^5.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Moments {
-    pub volume: f64,
-    pub first: Vec3,
-    pub second: Mat3,
-}
-
-impl Moments {
-    pub(crate) const ZERO: Self = Self { volume: 0.0, first: Vec3::ZERO, second: Mat3::ZERO };
-
-    pub(crate) fn add(&mut self, other: &Self) {
-        self.volume += other.volume;
-        self.first += other.first;
-        self.second += other.second;
-    }
-
-    /// Inertia about `centre` per unit density, m^5: tr(S) 1 - S with S the second moment about the centre.
-    pub(crate) fn inertia(&self, centre: Vec3) -> Mat3 {
-        let about = self.second - outer(self.first, centre) - outer(centre, self.first)
-            + self.volume * outer(centre, centre);
-        let trace = about.x_axis.x + about.y_axis.y + about.z_axis.z;
-        Mat3::from_diagonal(Vec3::splat(trace)) - about
-    }
-
-    /// The same body moved by `shift`.
-    pub(crate) fn moved(&self, shift: Vec3) -> Self {
-        Self {
-            volume: self.volume,
-            first: self.first + self.volume * shift,
-            second: self.second
-                + outer(self.first, shift)
-                + outer(shift, self.first)
-                + self.volume * outer(shift, shift),
-        }
-    }
-}
-
-/// a b^T.
-pub(crate) fn outer(a: Vec3, b: Vec3) -> Mat3 {
-    Mat3::from_cols(a * b.x, a * b.y, a * b.z)
-}
 
 /// What is counted more than once in the sum of the parts: the integrals of c - 1; `None` if no two parts
 /// overlap. Parts without volume (planes, meshes) do not count. Cost: pairs of parts, and for overlaps
@@ -86,8 +42,8 @@ pub(crate) fn counted_twice(parts: &[Part]) -> Option<Moments> {
         let members: Vec<&Part> = group.iter().map(|&i| solid[i]).collect();
         total.add(&match members.as_slice() {
             [
-                Part { shape: Shape::Sphere { radius: r_a }, position: a, .. },
-                Part { shape: Shape::Sphere { radius: r_b }, position: b, .. },
+                Part { shape: Shape::Sphere(Sphere { radius: r_a }), position: a, .. },
+                Part { shape: Shape::Sphere(Sphere { radius: r_b }), position: b, .. },
             ] => lens(*a, *r_a, *b, *r_b),
             _ => {
                 let inside = pairs.iter().filter(|pair| group.contains(&pair[0]));
@@ -105,7 +61,7 @@ fn overlap(a: &Part, b: &Part) -> bool {
     if apart >= -allowed {
         return false;
     }
-    if let (Shape::Sphere { .. }, Shape::Sphere { .. }) = (&a.shape, &b.shape) {
+    if let (Shape::Sphere(_), Shape::Sphere(_)) = (&a.shape, &b.shape) {
         return true;
     }
     let Ok([form_a, form_b]) = [a, b]
@@ -166,14 +122,8 @@ fn cap(axis: Vec3, r: f64, z: f64) -> Moments {
 }
 
 fn bounds(part: &Part) -> Aabb {
-    let half = match part.shape {
-        Shape::Box { half } => half,
-        Shape::Cylinder { half_length, radius } => Vec3::new(radius, radius, half_length),
-        Shape::Capsule { half_length, radius } => Vec3::new(radius, radius, half_length + radius),
-        Shape::Hull(ref hull) => hull.corners().iter().fold(Vec3::ZERO, |most, c| most.max(c.abs())),
-        ref shape => Vec3::splat(shape.bounding_radius()),
-    };
-    turned_bounds(&Aabb::new(-half, half), part.position, Mat3::from_quat(part.orientation))
+    let [low, high] = part.bounds(Vec3::ZERO, Quat::IDENTITY);
+    Aabb::new(low, high)
 }
 
 fn common_box(a: &Part, b: &Part) -> Aabb {
@@ -190,7 +140,7 @@ struct Member<'a> {
 
 impl Member<'_> {
     fn distance(&self, p: Vec3) -> f64 {
-        signed_distance(self.shape, self.inverse * (p - self.position)).value
+        self.shape.form().signed_distance(self.inverse * (p - self.position)).value
     }
 }
 

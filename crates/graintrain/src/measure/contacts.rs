@@ -1,9 +1,9 @@
 //! Contacts that carry force: how many per body, how many slide, where they point, how forces are
 //! distributed.
 
-use crate::collide::union::outer;
 use crate::contact::Contact;
 use crate::math::{Mat3, Vec3};
+use crate::moments::outer;
 use crate::shape::Shape;
 use crate::world::World;
 use std::collections::HashSet;
@@ -98,7 +98,7 @@ pub fn coordination(world: &World, selected: &[bool], least: usize) -> Coordinat
     // Normal forces alone turn no ball: without friction its equations of rotation say nothing.
     let is_ball = |body: usize| {
         let parts = &world.geometries[world.bodies.geometry[body].index()].parts;
-        matches!(parts.as_slice(), [part] if matches!(part.shape, Shape::Sphere { .. }))
+        matches!(parts.as_slice(), [part] if matches!(part.shape, Shape::Sphere(_)))
     };
     let mut turns: Vec<bool> = (0..count).map(|body| !is_ball(body)).collect();
     for (i, contact) in set.contacts.iter().enumerate().filter(|(i, _)| loaded[*i]) {

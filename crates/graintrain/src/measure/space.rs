@@ -1,10 +1,9 @@
 //! Which bodies are meant, and how much of a region they fill.
 
-use crate::collide::distance::signed_distance;
 use crate::handle::BodyId;
 use crate::load::Region;
 use crate::math::{Quat, Vec3};
-use crate::shape::{Geometry, Shape};
+use crate::shape::{Geometry, Shape, Sphere};
 use crate::world::World;
 use graintrain_linalg::real;
 use std::collections::HashMap;
@@ -33,38 +32,14 @@ pub fn selected(world: &World, bodies: Option<&[BodyId]>, region: Option<&Region
     chosen
 }
 
-/// Half the extents along the world's axes of a shape that is turned, m; infinite for planes.
-fn half_extent(shape: &Shape, orientation: Quat) -> Vec3 {
-    let axis = (orientation * Vec3::Z).abs();
-    match shape {
-        Shape::Sphere { radius } => Vec3::splat(*radius),
-        Shape::Box { half } => {
-            let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|e| (orientation * e).abs());
-            half.x * x + half.y * y + half.z * z
-        }
-        Shape::Plane => Vec3::INFINITY,
-        Shape::Capsule { half_length, radius } => Vec3::splat(*radius) + *half_length * axis,
-        Shape::Cylinder { half_length, radius } => {
-            *half_length * axis + *radius * (Vec3::ONE - axis * axis).max(Vec3::ZERO).map(f64::sqrt)
-        }
-        Shape::Hull(hull) => {
-            hull.corners().iter().map(|c| (orientation * *c).abs()).fold(Vec3::ZERO, Vec3::max)
-        }
-        Shape::Mesh { vertices, .. } => {
-            vertices.iter().map(|v| (orientation * *v).abs()).fold(Vec3::ZERO, Vec3::max)
-        }
-    }
-}
-
 /// Lower and upper corner of the box along the axes around a body, m (around its vertices or more where it is
 /// a mesh).
 pub fn bounds(world: &World, body: usize) -> [Vec3; 2] {
     let (position, orientation) = (world.bodies.position[body], world.bodies.orientation[body]);
     let geometry = &world.geometries[world.bodies.geometry[body].index()];
     geometry.parts.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], part| {
-        let centre = position + orientation * part.position;
-        let half = half_extent(&part.shape, orientation * part.orientation);
-        [low.min(centre - half), high.max(centre + half)]
+        let [from, to] = part.bounds(position, orientation);
+        [low.min(from), high.max(to)]
     })
 }
 
@@ -205,8 +180,8 @@ pub(crate) fn ball_below(radius: f64, z: f64) -> f64 {
 fn inner_points(geometry: &Geometry) -> Vec<Vec3> {
     let solid = || geometry.parts.iter().filter(|part| part.shape.volume() > 0.0);
     let [low, high] = solid().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], part| {
-        let half = half_extent(&part.shape, part.orientation);
-        [low.min(part.position - half), high.max(part.position + half)]
+        let [from, to] = part.bounds(Vec3::ZERO, Quat::IDENTITY);
+        [low.min(from), high.max(to)]
     });
     let share = |k: i32| (f64::from(k) + 0.5) / f64::from(POINTS);
     let grid = (0..POINTS).flat_map(|i| (0..POINTS).flat_map(move |j| (0..POINTS).map(move |k| [i, j, k])));
@@ -214,7 +189,7 @@ fn inner_points(geometry: &Geometry) -> Vec<Vec3> {
     let inside = |point: &Vec3| {
         solid().any(|part| {
             let local = part.orientation.inverse() * (*point - part.position);
-            signed_distance(&part.shape, local).value <= 0.0
+            part.shape.form().signed_distance(local).value <= 0.0
         })
     };
     points.filter(inside).collect()
@@ -243,13 +218,13 @@ pub fn solid_volume(world: &World, region: &Region) -> f64 {
         let index = world.bodies.geometry[body].index();
         let geometry = &world.geometries[index];
         if let [part] = geometry.parts.as_slice()
-            && let Shape::Sphere { radius } = part.shape
+            && let Shape::Sphere(Sphere { radius }) = part.shape
         {
             sum += ball_in_region(position + orientation * part.position, radius, region);
             continue;
         }
         // The inside of a mesh is not known point by point: it counts where its centre is.
-        if geometry.parts.iter().any(|part| matches!(part.shape, Shape::Mesh { .. })) {
+        if geometry.parts.iter().any(|part| matches!(part.shape, Shape::Mesh(_))) {
             sum += if region.contains(position) { geometry.volume } else { 0.0 };
             continue;
         }
@@ -305,6 +280,7 @@ pub fn cross_section(region: &Region, axis: usize) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::handle::MaterialId;
+    use crate::shape::Cuboid;
     use crate::world::Body;
 
     fn close(found: f64, expected: f64, tolerance: f64) {
@@ -360,8 +336,8 @@ mod tests {
     #[test]
     fn bodies_that_are_no_balls_count_by_what_is_inside() {
         let mut world = World::default();
-        let shape =
-            world.add_geometry(Geometry::single(Shape::Box { half: Vec3::new(1.0, 0.5, 0.2) }).unwrap());
+        let shape = world
+            .add_geometry(Geometry::single(Shape::Box(Cuboid { half: Vec3::new(1.0, 0.5, 0.2) })).unwrap());
         world.add_body(Body::new(shape, MaterialId::default(), Vec3::ZERO)).unwrap();
         let turned = Quat::from_rotation_z(FRAC_PI_2);
         world

@@ -1,8 +1,8 @@
 //! The stress tensor of a volume.
 
 use super::contacts::ends;
-use crate::collide::union::outer;
 use crate::math::{Mat3, Vec3};
+use crate::moments::outer;
 use crate::world::World;
 
 /// Mean stress of a volume, Pa, compression positive (as in soil mechanics).

@@ -12,7 +12,6 @@
 use crate::collide::Collider;
 use crate::contact::Contact;
 use crate::math::Vec3;
-use crate::shape::Shape;
 use crate::world::World;
 use rayon::prelude::*;
 
@@ -151,16 +150,14 @@ impl Cover<'_> {
 /// Whether a body is one ball, capsule or cylinder.
 fn is_round(world: &World, body: usize) -> bool {
     let parts = &world.geometries[world.bodies.geometry[body].index()].parts;
-    let round = |shape: &Shape| {
-        matches!(shape, Shape::Sphere { .. } | Shape::Capsule { .. } | Shape::Cylinder { .. })
-    };
-    matches!(parts.as_slice(), [part] if round(&part.shape)) && !world.is_prescribed(body)
+    matches!(parts.as_slice(), [part] if part.shape.form().half_axis().is_some())
+        && !world.is_prescribed(body)
 }
 
 /// Whether these planes, of which some are the same, hold a round body where it might meet the other one.
 fn is_held(world: &World, side: &Side, planes: &[&Side]) -> bool {
     let part = &world.geometries[world.bodies.geometry[side.round].index()].parts[0];
-    let (Shape::Capsule { half_length, .. } | Shape::Cylinder { half_length, .. }) = part.shape else {
+    let Some(half_length) = part.shape.form().half_axis().filter(|half_length| *half_length > 0.0) else {
         return !planes.is_empty();
     };
     let (turn, centre) = (world.bodies.orientation[side.round], world.bodies.position[side.round]);

@@ -12,7 +12,7 @@ use graintrain::measure::energy::Ledger;
 use graintrain::measure::space::{own_space, porosity, selected};
 use graintrain::measure::stress::{pressure, stress};
 use graintrain::motion::{Motion, Profile};
-use graintrain::shape::{Geometry, Shape};
+use graintrain::shape::{Capsule, Cuboid, Geometry, Shape};
 use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 
@@ -298,7 +298,7 @@ fn what_does_not_fit_is_refused() {
     refused(&mut world, held(1.0), "less than half");
     world.remove_bodies(|body| body == ball);
     let plane = world.add_geometry(Geometry::plane());
-    let stone = world.add_geometry(Geometry::single(Shape::Box { half: Vec3::splat(0.05) }).unwrap());
+    let stone = world.add_geometry(Geometry::single(Shape::Box(Cuboid { half: Vec3::splat(0.05) })).unwrap());
     let fixed = world.add_motion(Motion::fixed()).unwrap();
     world.add_body(Body { motion: fixed, ..Body::new(plane, MaterialId::default(), Vec3::ZERO) }).unwrap();
     refused(&mut world, held(1.0), "across z");
@@ -316,10 +316,12 @@ fn what_does_not_fit_is_refused() {
 fn bodies_that_are_no_balls_have_images() {
     let made = |place: Vec3| {
         let mut world = empty(0.4, 0.0);
-        let stone =
-            world.add_geometry(Geometry::single(Shape::Box { half: Vec3::new(0.08, 0.06, 0.05) }).unwrap());
-        let rod =
-            world.add_geometry(Geometry::single(Shape::Capsule { half_length: 0.08, radius: 0.04 }).unwrap());
+        let stone = world.add_geometry(
+            Geometry::single(Shape::Box(Cuboid { half: Vec3::new(0.08, 0.06, 0.05) })).unwrap(),
+        );
+        let rod = world.add_geometry(
+            Geometry::single(Shape::Capsule(Capsule { half_length: 0.08, radius: 0.04 })).unwrap(),
+        );
         let body = |geometry, position, velocity| Body {
             velocity,
             ..Body::new(geometry, MaterialId::default(), position)

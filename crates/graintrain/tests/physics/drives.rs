@@ -7,7 +7,7 @@ use graintrain::handle::{BodyId, MaterialId};
 use graintrain::load::{Action, Load};
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Axes, Motion, Profile};
-use graintrain::shape::{Geometry, Part, Shape};
+use graintrain::shape::{Geometry, HalfSpace, Part, Shape, Sphere};
 use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 use std::collections::BTreeSet;
@@ -159,7 +159,7 @@ fn a_turning_box_of_planes_misses_no_contact() {
     let contacts_of = |rate: f64, behind: bool| {
         let mut world = world(0.3, 0.0);
         let wall = |place: Vec3, normal: Vec3| Part {
-            shape: Shape::Plane,
+            shape: Shape::Plane(HalfSpace),
             position: place,
             orientation: Quat::from_rotation_arc(Vec3::Z, normal),
         };
@@ -170,7 +170,7 @@ fn a_turning_box_of_planes_misses_no_contact() {
             wall(-2.0 * Vec3::Y, Vec3::Y),
         ];
         if behind {
-            let ball = Shape::Sphere { radius: 0.2 };
+            let ball = Shape::Sphere(Sphere { radius: 0.2 });
             // Two of them, so that the centre of mass stays.
             for height in [-50.0, 50.0] {
                 parts.push(Part {

@@ -8,7 +8,7 @@ use graintrain::load::{Action, Load};
 use graintrain::material::Materials;
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
-use graintrain::shape::{Geometry, Part, Shape};
+use graintrain::shape::{Geometry, Part, Shape, Sphere};
 use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 
@@ -105,7 +105,7 @@ fn scenes() -> Vec<(&'static str, World, Vec<ContactState>)> {
     // Dumbbells of unequal balls, with forces from outside.
     let mut world = ground(0.6, DOWN);
     let part = |x: f64, radius: f64| Part {
-        shape: Shape::Sphere { radius },
+        shape: Shape::Sphere(Sphere { radius }),
         position: Vec3::new(x, 0.0, 0.0),
         orientation: Quat::IDENTITY,
     };

@@ -10,7 +10,7 @@ use graintrain::integrate::{free_velocity, inverse_mass, velocities};
 use graintrain::material::Materials;
 use graintrain::math::{Mat3, Quat, Vec3, rotation_exponential};
 use graintrain::motion::{Motion, Profile};
-use graintrain::shape::{Geometry, Part, Shape};
+use graintrain::shape::{Capsule, Geometry, Part, Shape, Sphere};
 use graintrain::world::{Body, World};
 
 /// Numbers in [-1, 1) from a fixed linear congruence: the same on every machine.
@@ -83,7 +83,7 @@ fn mixed_heap(count: usize) -> World {
             ..Body::new(blade, MaterialId::default(), Vec3::new(0.0, 0.0, 0.11))
         })
         .unwrap();
-    let capsule = Shape::Capsule { half_length: 0.04, radius: 0.02 };
+    let capsule = Shape::Capsule(Capsule { half_length: 0.04, radius: 0.02 });
     let cross = [Quat::IDENTITY, Quat::from_rotation_x(1.5)].map(|orientation| Part {
         shape: capsule.clone(),
         position: Vec3::new(0.03, 0.0, 0.0),
@@ -286,7 +286,7 @@ fn pairs() -> Vec<(&'static str, Geometry, Geometry)> {
     };
     let dumbbell = || {
         let part = |z: f64| Part {
-            shape: Shape::Sphere { radius: 0.2 },
+            shape: Shape::Sphere(Sphere { radius: 0.2 }),
             position: Vec3::new(0.0, 0.0, z),
             orientation: Quat::IDENTITY,
         };

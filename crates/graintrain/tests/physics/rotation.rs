@@ -6,7 +6,7 @@ use graintrain::handle::{BodyId, MaterialId};
 use graintrain::joint::{Joint, Motor};
 use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
-use graintrain::shape::{Geometry, Part, Shape};
+use graintrain::shape::{Cylinder, Geometry, Part, Shape, Sphere};
 use graintrain::world::{Body, World};
 use std::f64::consts::PI;
 
@@ -62,9 +62,10 @@ fn top(tilt: f64, spin: f64) -> Top {
     let tip = 1e-5;
     let length = 0.05;
     let part = |shape, z| Part { shape, position: Vec3::new(0.0, 0.0, z), orientation: Quat::IDENTITY };
-    let disc = Shape::Cylinder { half_length: 0.005, radius: 0.04 };
+    let disc = Shape::Cylinder(Cylinder { half_length: 0.005, radius: 0.04 });
     let (form, centre) =
-        Geometry::compound(vec![part(Shape::Sphere { radius: tip }, 0.0), part(disc, length)]).unwrap();
+        Geometry::compound(vec![part(Shape::Sphere(Sphere { radius: tip }), 0.0), part(disc, length)])
+            .unwrap();
     let across = form.unit_inertia.x_axis.x / form.volume + centre.z * centre.z;
     let along = form.unit_inertia.z_axis.z / form.volume;
     let form = world.add_geometry(form);

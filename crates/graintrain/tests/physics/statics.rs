@@ -6,7 +6,7 @@ use graintrain::ccp::FrictionModel::{Coulomb, Relaxed};
 use graintrain::handle::{BodyId, MaterialId};
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
-use graintrain::shape::{Geometry, Part, Shape};
+use graintrain::shape::{Capsule, Cuboid, Geometry, Part, Shape};
 use graintrain::world::{Body, World};
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -153,13 +153,13 @@ fn a13_table_on_four_legs() {
     let mut world = world(0.4, 0.0);
     add_ground(&mut world, 0.0);
     let part = |x: f64, y: f64, z: f64, half: Vec3| Part {
-        shape: Shape::Box { half },
+        shape: Shape::Box(Cuboid { half }),
         position: Vec3::new(x, y, z),
         orientation: Quat::IDENTITY,
     };
     let mut parts = vec![part(0.0, 0.0, 0.75, Vec3::new(0.6, 0.4, 0.05))];
     for (x, y) in [(0.5, 0.3), (0.5, -0.3), (-0.5, -0.3), (-0.5, 0.3)] {
-        let shape = Shape::Capsule { half_length: 0.3, radius: 0.05 };
+        let shape = Shape::Capsule(Capsule { half_length: 0.3, radius: 0.05 });
         parts.push(Part { shape, position: Vec3::new(x, y, 0.35), orientation: Quat::IDENTITY });
     }
     let (table, centre) = Geometry::compound(parts).unwrap();

@@ -2,18 +2,15 @@
 
 use super::super::error::Location;
 use graintrain::math::Vec3;
-use serde::Serialize;
+use graintrain::shape::Lengths;
+use serde::{Serialize, Serializer};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// A shape. Lengths in m.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ShapeSpec {
-    /// Ball.
-    Sphere {
-        /// Radius.
-        radius: f64,
-    },
     /// Box.
     Box {
         /// Edge lengths.
@@ -24,24 +21,36 @@ pub enum ShapeSpec {
         /// Outward unit normal.
         normal: Vec3,
     },
-    /// Capsule along z.
-    Capsule {
-        /// Distance between the centres of the half balls.
-        length: f64,
-        /// Radius.
-        radius: f64,
-    },
-    /// Cylinder along z.
-    Cylinder {
-        /// Height.
-        length: f64,
-        /// Radius.
-        radius: f64,
-    },
     /// Convex hull.
     Hull(HullSpec),
     /// Triangles.
     Mesh(MeshSpec),
+    /// A shape of lengths alone.
+    #[serde(untagged)]
+    Lengths(LengthsSpec),
+}
+
+/// A shape of lengths alone: a sphere, a capsule, a cylinder, a cone.
+#[derive(Clone, Debug)]
+pub struct LengthsSpec {
+    /// Which.
+    pub form: &'static Lengths,
+    /// The lengths, in its order.
+    pub lengths: Vec<f64>,
+}
+
+impl PartialEq for LengthsSpec {
+    fn eq(&self, other: &Self) -> bool {
+        self.form.name == other.form.name && self.lengths == other.lengths
+    }
+}
+
+impl Serialize for LengthsSpec {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let names = self.form.lengths.iter().map(|length| length.name);
+        let lengths: BTreeMap<&str, f64> = names.zip(self.lengths.iter().copied()).collect();
+        BTreeMap::from([(self.form.name, lengths)]).serialize(serializer)
+    }
 }
 
 /// Points of a convex hull, from a file of triangles or written in the scene.
@@ -85,6 +94,11 @@ pub struct MeshSpec {
 }
 
 impl ShapeSpec {
+    /// The shape of this name with these lengths.
+    pub(crate) fn of_lengths(form: &'static Lengths, lengths: Vec<f64>) -> Self {
+        Self::Lengths(LengthsSpec { form, lengths })
+    }
+
     /// The file that the shape is read from, and where the scene names it.
     pub(crate) fn file_mut(&mut self) -> Option<(&mut PathBuf, &Location)> {
         match self {

@@ -4,6 +4,7 @@
 
 use crate::scene::packing::FileProblem;
 use graintrain::math::{Mat3, Pose, Quat, Vec3};
+use graintrain::shape::{Lengths, Shape};
 use roxmltree::{Document, Node};
 use std::str::FromStr;
 
@@ -20,13 +21,18 @@ pub(super) struct Inertial {
 }
 
 /// The shape of a collision or a visual.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub(super) enum Form {
-    Sphere { radius: f64 },
-    Box { size: Vec3 },
-    Capsule { length: f64, radius: f64 },
-    Cylinder { length: f64, radius: f64 },
-    Mesh { file: String, scale: Vec3, line: usize },
+    Box {
+        size: Vec3,
+    },
+    /// A shape of lengths alone, which have the names that scenes give them.
+    Lengths(&'static Lengths, Vec<f64>),
+    Mesh {
+        file: String,
+        scale: Vec3,
+        line: usize,
+    },
 }
 
 #[derive(Clone, Debug)]
@@ -254,7 +260,6 @@ fn inertial(node: Node) -> Result<Inertial, FileProblem> {
 fn form(geometry: Node) -> Result<Option<Form>, FileProblem> {
     let Some(node) = geometry.children().find(Node::is_element) else { return Ok(None) };
     let form = match node.tag_name().name() {
-        "sphere" => Form::Sphere { radius: length(node, "radius")? },
         "box" => {
             needed(node, "size")?;
             let size = numbers(node, "size")?.map_or(Vec3::ZERO, Vec3::from_array);
@@ -263,8 +268,6 @@ fn form(geometry: Node) -> Result<Option<Form>, FileProblem> {
             }
             Form::Box { size }
         }
-        "capsule" => Form::Capsule { length: length(node, "length")?, radius: length(node, "radius")? },
-        "cylinder" => Form::Cylinder { length: length(node, "length")?, radius: length(node, "radius")? },
         "mesh" => {
             let scale = numbers(node, "scale")?.map_or(Vec3::ONE, Vec3::from_array);
             if scale.to_array().contains(&0.0) {
@@ -273,8 +276,14 @@ fn form(geometry: Node) -> Result<Option<Form>, FileProblem> {
             Form::Mesh { file: needed(node, "filename")?.to_string(), scale, line: line(node) }
         }
         other => {
-            let problem = format!("<{other}> is no shape: sphere, box, cylinder, capsule or mesh");
-            return Err(FileProblem::at(line(node), problem));
+            let known = ["sphere", "cylinder", "capsule"].contains(&other);
+            let form = Shape::BY_LENGTHS.iter().find(|form| known && form.name == other);
+            let form = form.ok_or_else(|| {
+                let problem = format!("<{other}> is no shape: sphere, box, cylinder, capsule or mesh");
+                FileProblem::at(line(node), problem)
+            })?;
+            let lengths = form.lengths.iter().map(|one| length(node, one.name));
+            Form::Lengths(form, lengths.collect::<Result<_, _>>()?)
         }
     };
     Ok(Some(form))

@@ -2,9 +2,10 @@
 
 use super::Kind::{self, Count, Flag, Function, List, Quantity, Rows, Tables, Text, TextOr, Texts, Vector};
 use super::function::{ANGULAR_SPEED, SPEED};
-use super::{D, Range, Table, key, names};
+use super::{D, Key, Range, Table, key, names};
 use crate::scene::file::MOTIONS;
 use crate::scene::model::DEGREES;
+use graintrain::shape::{Lengths, Shape};
 
 pub(super) static BODY: Table = Table {
     heading: "`[body.NAME]`",
@@ -125,49 +126,90 @@ pub(super) static ROTATION: Table = Table {
     ],
 };
 
-pub(super) static SHAPE: Table = Table {
-    heading: "`shape`",
-    alternatives: &[&["sphere", "box", "plane", "capsule", "cylinder", "hull", "mesh"]],
-    keys: &[
-        key(
-            "sphere",
-            Kind::Table(&SPHERE),
-            "one of",
-            "{ radius = \"1 cm\" }",
-            "Sphere centred at the origin",
-        ),
-        key("box", Kind::Table(&BOX), "one of", "{ size = [1, 2, 3] }", "Box centred at the origin"),
-        key(
-            "plane",
-            Kind::Table(&PLANE),
-            "one of",
-            "{ normal = [0, 0, 1] }",
-            "Half-space below the plane through the origin; a massless boundary",
-        ),
-        key(
-            "capsule",
-            Kind::Table(&CAPSULE),
-            "one of",
-            "{ length = 2, radius = 1 }",
-            "Cylinder with hemispherical caps, along z",
-        ),
-        key("cylinder", Kind::Table(&CYLINDER), "one of", "{ length = 2, radius = 1 }", "Cylinder along z"),
-        key("hull", Kind::Table(&HULL), "one of", "{ file = \"stone.stl\" }", "Convex hull of points"),
-        key(
-            "mesh",
-            Kind::Table(&MESH),
-            "one of",
-            "{ file = \"hopper.stl\" }",
-            "Triangle mesh: a massless boundary, or a solid",
-        ),
-    ],
+pub(super) static SHAPE: Table =
+    Table { heading: "`shape`", alternatives: &[SHAPE_NAMES], keys: &SHAPE_KEYS };
+
+/// Names of all shapes.
+pub const SHAPE_NAMES: &[&str] = &{
+    let mut names = [""; SHAPE_KEYS.len()];
+    let mut number = 0;
+    while number < names.len() {
+        names[number] = SHAPE_KEYS[number].name;
+        number += 1;
+    }
+    names
 };
 
-static SPHERE: Table = Table {
-    heading: "`shape.sphere`",
-    alternatives: &[],
-    keys: &[key("radius", Quantity(D::LENGTH), "required", "\"1 cm\"", "Radius").within(Range::Positive)],
+const SHAPE_KEYS: [Key; OTHERS.len() + BY_LENGTHS.len()] = {
+    let mut keys = [OTHERS[0]; OTHERS.len() + BY_LENGTHS.len()];
+    let mut number = 0;
+    while number < keys.len() {
+        keys[number] = if number < BY_LENGTHS.len() {
+            let form = BY_LENGTHS[number];
+            key(form.name, Kind::Table(&LENGTHS_TABLES[number]), "one of", form.example, form.meaning)
+        } else {
+            OTHERS[number - BY_LENGTHS.len()]
+        };
+        number += 1;
+    }
+    keys
 };
+
+const BY_LENGTHS: &[&Lengths] = Shape::BY_LENGTHS;
+
+/// Lengths of a shape at most.
+const MOST: usize = 3;
+
+/// The keys of each shape of lengths; behind them the first one again.
+const LENGTH_KEYS: [[Key; MOST]; BY_LENGTHS.len()] = {
+    let mut all = [[OTHERS[0]; MOST]; BY_LENGTHS.len()];
+    let mut form = 0;
+    while form < all.len() {
+        let mut number = 0;
+        while number < BY_LENGTHS[form].lengths.len() {
+            let length = &BY_LENGTHS[form].lengths[number];
+            let (default, range) =
+                if length.is_required { ("required", Range::Positive) } else { ("0", Range::NotNegative) };
+            all[form][number] =
+                key(length.name, Quantity(D::LENGTH), default, length.example, length.meaning).within(range);
+            number += 1;
+        }
+        form += 1;
+    }
+    all
+};
+
+static LENGTHS_TABLES: [Table; BY_LENGTHS.len()] = {
+    const KEYS: &[[Key; MOST]; BY_LENGTHS.len()] = &LENGTH_KEYS;
+    let mut tables = [const { Table { heading: "", alternatives: &[], keys: &[] } }; BY_LENGTHS.len()];
+    let mut form = 0;
+    while form < tables.len() {
+        tables[form].heading = BY_LENGTHS[form].heading;
+        tables[form].keys = KEYS[form].split_at(BY_LENGTHS[form].lengths.len()).0;
+        form += 1;
+    }
+    tables
+};
+
+/// The shapes that lengths alone do not describe.
+const OTHERS: [Key; 4] = [
+    key("box", Kind::Table(&BOX), "one of", "{ size = [1, 2, 3] }", "Box centred at the origin"),
+    key(
+        "plane",
+        Kind::Table(&PLANE),
+        "one of",
+        "{ normal = [0, 0, 1] }",
+        "Half-space below the plane through the origin; a massless boundary",
+    ),
+    key("hull", Kind::Table(&HULL), "one of", "{ file = \"stone.stl\" }", "Convex hull of points"),
+    key(
+        "mesh",
+        Kind::Table(&MESH),
+        "one of",
+        "{ file = \"hopper.stl\" }",
+        "Triangle mesh: a massless boundary, or a solid",
+    ),
+];
 
 static BOX: Table = Table {
     heading: "`shape.box`",
@@ -180,31 +222,6 @@ static PLANE: Table = Table {
     heading: "`shape.plane`",
     alternatives: &[],
     keys: &[key("normal", Vector(D::NONE), "[0, 0, 1]", "[1, 0, 0]", "Outward normal; any length")],
-};
-
-static CAPSULE: Table = Table {
-    heading: "`shape.capsule`",
-    alternatives: &[],
-    keys: &[
-        key(
-            "length",
-            Quantity(D::LENGTH),
-            "required",
-            "\"4 cm\"",
-            "Distance between the centres of the hemispherical caps",
-        )
-        .within(Range::Positive),
-        key("radius", Quantity(D::LENGTH), "required", "\"1 cm\"", "Radius").within(Range::Positive),
-    ],
-};
-
-static CYLINDER: Table = Table {
-    heading: "`shape.cylinder`",
-    alternatives: &[],
-    keys: &[
-        key("length", Quantity(D::LENGTH), "required", "\"4 cm\"", "Height").within(Range::Positive),
-        key("radius", Quantity(D::LENGTH), "required", "\"1 cm\"", "Radius").within(Range::Positive),
-    ],
 };
 
 static HULL: Table = Table {

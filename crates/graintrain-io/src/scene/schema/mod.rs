@@ -17,6 +17,7 @@ use super::file::{OVERLAP, PRECISIONS};
 use super::model::PairRule;
 use super::quantity::Dimension;
 use body::BODY;
+pub(super) use body::SHAPE_NAMES;
 use function::ACCELERATION;
 use graintrain_ccp::FrictionModel;
 use joint::JOINT;

@@ -1,56 +1,13 @@
-//! Shapes, and geometries made of one or more shapes, with volume and inertia.
+//! Geometries made of one or more shapes, with volume and inertia.
 
-use crate::collide::union::{Moments, counted_twice};
-use crate::error::{ModelError, length, place};
+use super::{Capsule, Cuboid, Cylinder, HalfSpace, Mesh, Shape, Sphere};
+use crate::collide::union::counted_twice;
+use crate::error::{ModelError, place};
 use crate::hull::Hull;
 use crate::math::{Mat3, Quat, Vec3, parallel_axis};
-use crate::solid_mesh::{check_closed, moments};
-use graintrain_linalg::real;
+use crate::moments::Moments;
+use crate::solid_mesh::moments;
 use serde::{Deserialize, Serialize};
-use std::f64::consts::PI;
-
-/// A solid or boundary shape in its own frame, lengths in m.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Shape {
-    /// Ball about the origin.
-    Sphere {
-        /// Radius.
-        radius: f64,
-    },
-    /// Box with edges along the axes.
-    Box {
-        /// Half edge lengths.
-        half: Vec3,
-    },
-    /// Half-space z <= 0; the outward normal is +z. A boundary: it has no mass.
-    Plane,
-    /// Points within `radius` of the segment from (0, 0, -half_length) to (0, 0, half_length).
-    Capsule {
-        /// Half length of the segment.
-        half_length: f64,
-        /// Radius.
-        radius: f64,
-    },
-    /// Circular cylinder about the z axis with flat ends at z = +-half_length.
-    Cylinder {
-        /// Half height.
-        half_length: f64,
-        /// Radius.
-        radius: f64,
-    },
-    /// Convex polyhedron about its centre of volume.
-    Hull(Hull),
-    /// Surface of triangles. Bodies stay on the side of it on which their centre is. It has the mass of what
-    /// it encloses if it is `solid`, otherwise it is a boundary without mass.
-    Mesh {
-        /// Corner points.
-        vertices: Vec<Vec3>,
-        /// Three vertex indices per triangle, counter-clockwise seen from outside.
-        triangles: Vec<[u32; 3]>,
-        /// Whether it bounds a solid.
-        solid: bool,
-    },
-}
 
 /// A shape placed in a body's frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -75,136 +32,14 @@ pub struct Geometry {
     pub unit_inertia: Mat3,
 }
 
-impl Shape {
-    /// Volume, m^3; zero for boundaries.
-    pub fn volume(&self) -> f64 {
-        match *self {
-            Self::Sphere { radius } => 4.0 / 3.0 * PI * radius.powi(3),
-            Self::Box { half } => 8.0 * half.x * half.y * half.z,
-            Self::Capsule { half_length, radius } => {
-                PI * radius * radius * (2.0 * half_length + 4.0 / 3.0 * radius)
-            }
-            Self::Cylinder { half_length, radius } => 2.0 * PI * radius * radius * half_length,
-            Self::Hull(ref hull) => hull.volume(),
-            Self::Mesh { ref vertices, ref triangles, solid: true } => moments(vertices, triangles).0.volume,
-            Self::Plane | Self::Mesh { solid: false, .. } => 0.0,
-        }
-    }
-
-    /// Half the smallest extent, m: the radius of balls, half the thickness of boxes; of hulls across their
-    /// faces; of solid meshes along the axes of their file, so that a thin plate that lies askew there counts
-    /// as thick; infinite for planes and surfaces.
-    pub fn half_thickness(&self) -> f64 {
-        match self {
-            Self::Sphere { radius } | Self::Capsule { radius, .. } => *radius,
-            Self::Box { half } => half.min_element(),
-            Self::Cylinder { half_length, radius } => radius.min(*half_length),
-            Self::Hull(hull) => hull.half_thickness(),
-            Self::Mesh { vertices, solid: true, .. } => {
-                let low = vertices.iter().fold(Vec3::INFINITY, |low, v| low.min(*v));
-                let high = vertices.iter().fold(Vec3::NEG_INFINITY, |high, v| high.max(*v));
-                0.5 * (high - low).min_element()
-            }
-            Self::Plane | Self::Mesh { solid: false, .. } => f64::INFINITY,
-        }
-    }
-
-    /// Inertia about the shape's origin per unit density, the shape's axes, m^5. Zero for boundaries.
-    pub fn unit_inertia(&self) -> Mat3 {
-        let principal = match *self {
-            Self::Sphere { radius } => Vec3::splat(0.4 * radius * radius * self.volume()),
-            Self::Box { half } => {
-                let square = half * half;
-                let sums = Vec3::new(square.y + square.z, square.z + square.x, square.x + square.y);
-                self.volume() / 3.0 * sums
-            }
-            Self::Cylinder { half_length, radius } => {
-                let (h2, r2) = (half_length * half_length, radius * radius);
-                let across = r2 / 4.0 + h2 / 3.0;
-                self.volume() * Vec3::new(across, across, r2 / 2.0)
-            }
-            Self::Capsule { half_length, radius } => {
-                let cylinder = Self::Cylinder { half_length, radius };
-                let ball = Self::Sphere { radius };
-                // Each half ball's own centre of mass lies 3/8 radius beyond the end of the segment.
-                let shift = half_length * half_length + 0.75 * half_length * radius;
-                let beyond = ball.volume() * Vec3::new(shift, shift, 0.0);
-                return cylinder.unit_inertia() + ball.unit_inertia() + Mat3::from_diagonal(beyond);
-            }
-            Self::Hull(ref hull) => return hull.unit_inertia(),
-            Self::Mesh { ref vertices, ref triangles, solid: true } => {
-                let (moments, middle) = moments(vertices, triangles);
-                return moments.inertia(-middle);
-            }
-            Self::Plane | Self::Mesh { solid: false, .. } => Vec3::ZERO,
-        };
-        Mat3::from_diagonal(principal)
-    }
-
-    /// Radius of a ball about the shape's origin that holds the shape, m; infinite for a plane.
-    pub fn bounding_radius(&self) -> f64 {
-        match self {
-            Self::Sphere { radius } => *radius,
-            Self::Box { half } => half.length(),
-            Self::Plane => f64::INFINITY,
-            Self::Capsule { half_length, radius } => half_length + radius,
-            Self::Cylinder { half_length, radius } => real::hypot(*half_length, *radius),
-            Self::Hull(hull) => hull.bounding_radius(),
-            Self::Mesh { vertices, .. } => vertices.iter().map(|v| v.length()).fold(0.0, f64::max),
-        }
-    }
-
-    /// Checks sizes and, for a mesh, the vertex indices; for a solid one that it closes and is not inside
-    /// out.
-    ///
-    /// # Errors
-    /// [`ModelError`] for the first defect.
-    pub fn validate(&self) -> Result<(), ModelError> {
-        match self {
-            Self::Sphere { radius } => length("the radius of a sphere", *radius),
-            Self::Box { half } => {
-                half.to_array().iter().try_for_each(|&h| length("a half edge length of a box", h))
-            }
-            Self::Plane => Ok(()),
-            Self::Capsule { half_length, radius } => {
-                length("the half length of a capsule", *half_length)?;
-                length("the radius of a capsule", *radius)
-            }
-            Self::Cylinder { half_length, radius } => {
-                length("the half length of a cylinder", *half_length)?;
-                length("the radius of a cylinder", *radius)
-            }
-            Self::Hull(hull) => hull.validate(),
-            Self::Mesh { vertices, triangles, solid } => {
-                if triangles.is_empty() {
-                    return Err(ModelError::Empty { what: "the mesh" });
-                }
-                for vertex in vertices {
-                    place("a coordinate of a mesh vertex", &vertex.to_array())?;
-                }
-                for (triangle, corners) in triangles.iter().enumerate() {
-                    if let Some(&vertex) = corners.iter().find(|&&v| v as usize >= vertices.len()) {
-                        return Err(ModelError::MeshVertex { triangle, vertex, len: vertices.len() });
-                    }
-                    let [a, b, c] = corners.map(|v| vertices[v as usize]);
-                    let scale = (b - a).length_squared().max((c - a).length_squared());
-                    if (b - a).cross(c - a).length() <= 1e-14 * scale {
-                        return Err(ModelError::MeshArea { triangle });
-                    }
-                }
-                if !*solid {
-                    return Ok(());
-                }
-                // Its vertices are what touches planes.
-                let mut used = vec![false; vertices.len()];
-                triangles.iter().flatten().for_each(|&vertex| used[vertex as usize] = true);
-                if let Some(vertex) = used.iter().position(|&used| !used) {
-                    let what = format!("vertex {vertex} of a solid mesh belongs to no triangle");
-                    return Err(ModelError::Table { what });
-                }
-                check_closed(vertices, triangles)
-            }
-        }
+impl Part {
+    /// Lower and upper corner of the box around it along the axes of the frame in which its body is placed,
+    /// m; infinite for a plane.
+    pub(crate) fn bounds(&self, position: Vec3, orientation: Quat) -> [Vec3; 2] {
+        let centre = position + orientation * self.position;
+        let inverse = (orientation * self.orientation).conjugate();
+        let reach = |axis: Vec3| self.shape.form().reach(inverse * axis);
+        [-1.0, 1.0].map(|sign| centre + Vec3::from_array(Vec3::AXES.map(|axis| sign * reach(sign * axis))))
     }
 }
 
@@ -215,7 +50,7 @@ impl Geometry {
     /// As [`Shape::validate`].
     pub fn single(shape: Shape) -> Result<Self, ModelError> {
         shape.validate()?;
-        if let Shape::Mesh { solid: true, .. } = shape {
+        if let Shape::Mesh(Mesh { solid: true, .. }) = shape {
             let part = Part { shape, position: Vec3::ZERO, orientation: Quat::IDENTITY };
             return Ok(Self::compound(vec![part])?.0);
         }
@@ -244,23 +79,7 @@ impl Geometry {
     /// As [`Shape::validate`], for a factor that makes lengths zero, negative or infinite.
     pub fn scaled(&self, factor: f64) -> Result<Self, ModelError> {
         let parts = self.parts.iter().map(|part| {
-            let shape = match &part.shape {
-                Shape::Sphere { radius } => Shape::Sphere { radius: factor * radius },
-                Shape::Box { half } => Shape::Box { half: factor * half },
-                Shape::Plane => Shape::Plane,
-                Shape::Capsule { half_length, radius } => {
-                    Shape::Capsule { half_length: factor * half_length, radius: factor * radius }
-                }
-                Shape::Cylinder { half_length, radius } => {
-                    Shape::Cylinder { half_length: factor * half_length, radius: factor * radius }
-                }
-                Shape::Hull(hull) => Shape::Hull(hull.scaled(factor)),
-                Shape::Mesh { vertices, triangles, solid } => Shape::Mesh {
-                    vertices: vertices.iter().map(|vertex| factor * vertex).collect(),
-                    triangles: triangles.clone(),
-                    solid: *solid,
-                },
-            };
+            let shape = part.shape.form().scaled(factor);
             shape.validate()?;
             Ok(Part { shape, position: factor * part.position, orientation: part.orientation })
         });
@@ -276,7 +95,7 @@ impl Geometry {
     /// # Errors
     /// [`ModelError::Value`] unless the radius is positive.
     pub fn sphere(radius: f64) -> Result<Self, ModelError> {
-        Self::single(Shape::Sphere { radius })
+        Self::single(Shape::Sphere(Sphere { radius }))
     }
 
     /// Box of the given half edge lengths, m.
@@ -284,12 +103,12 @@ impl Geometry {
     /// # Errors
     /// [`ModelError::Value`] unless they are positive.
     pub fn cuboid(half: Vec3) -> Result<Self, ModelError> {
-        Self::single(Shape::Box { half })
+        Self::single(Shape::Box(Cuboid { half }))
     }
 
     /// Half-space below the plane z = 0 of the body's frame.
     pub fn plane() -> Self {
-        let part = Part { shape: Shape::Plane, position: Vec3::ZERO, orientation: Quat::IDENTITY };
+        let part = Part { shape: Shape::Plane(HalfSpace), position: Vec3::ZERO, orientation: Quat::IDENTITY };
         Self { parts: vec![part], volume: 0.0, unit_inertia: Mat3::ZERO }
     }
 
@@ -298,7 +117,7 @@ impl Geometry {
     /// # Errors
     /// [`ModelError::Value`] unless both lengths are positive.
     pub fn capsule(half_length: f64, radius: f64) -> Result<Self, ModelError> {
-        Self::single(Shape::Capsule { half_length, radius })
+        Self::single(Shape::Capsule(Capsule { half_length, radius }))
     }
 
     /// Cylinder about the z axis, m.
@@ -306,7 +125,7 @@ impl Geometry {
     /// # Errors
     /// [`ModelError::Value`] unless both lengths are positive.
     pub fn cylinder(half_length: f64, radius: f64) -> Result<Self, ModelError> {
-        Self::single(Shape::Cylinder { half_length, radius })
+        Self::single(Shape::Cylinder(Cylinder { half_length, radius }))
     }
 
     /// Convex hull of points, m. Returns the geometry, whose origin is the centre of mass, and that centre in
@@ -324,7 +143,7 @@ impl Geometry {
     /// # Errors
     /// [`ModelError`] for an empty mesh, a vertex index out of range, or a triangle without area.
     pub fn mesh(vertices: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Result<Self, ModelError> {
-        Self::single(Shape::Mesh { vertices, triangles, solid: false })
+        Self::single(Shape::Mesh(Mesh { vertices, triangles, solid: false }))
     }
 
     /// Solid bounded by triangles (counter-clockwise seen from outside), m, with volume, centre and inertia
@@ -336,7 +155,7 @@ impl Geometry {
     /// As [`Geometry::mesh`]; [`ModelError::MeshOpen`], [`ModelError::MeshTurned`] or
     /// [`ModelError::MeshInsideOut`] for a surface that does not bound a solid.
     pub fn solid_mesh(vertices: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Result<(Self, Vec3), ModelError> {
-        let shape = Shape::Mesh { vertices, triangles, solid: true };
+        let shape = Shape::Mesh(Mesh { vertices, triangles, solid: true });
         Self::compound(vec![Part { shape, position: Vec3::ZERO, orientation: Quat::IDENTITY }])
     }
 
@@ -373,11 +192,11 @@ impl Geometry {
             unit_quaternion("the orientation of a part", part.orientation)?;
         }
         if let Some(index) =
-            parts.iter().position(|part| matches!(part.shape, Shape::Mesh { solid: true, .. }))
+            parts.iter().position(|part| matches!(part.shape, Shape::Mesh(Mesh { solid: true, .. })))
         {
             let mut boundaries = parts;
             let part = boundaries.remove(index);
-            let Shape::Mesh { vertices, triangles, .. } = &part.shape else {
+            let Shape::Mesh(Mesh { vertices, triangles, .. }) = &part.shape else {
                 return Err(ModelError::MeshJoined);
             };
             let (moments, middle) = moments(vertices, triangles);
@@ -413,7 +232,7 @@ impl Geometry {
         self.parts
             .iter()
             .map(|part| match &part.shape {
-                Shape::Mesh { vertices, .. } => vertices
+                Shape::Mesh(Mesh { vertices, .. }) => vertices
                     .iter()
                     .map(|&v| (part.position + part.orientation * v).length())
                     .fold(0.0, f64::max),
@@ -435,6 +254,7 @@ pub(crate) fn unit_quaternion(what: &str, q: Quat) -> Result<(), ModelError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::PI;
 
     /// Volume and second moments by summing cells over a grid: independent of the closed forms.
     fn quadrature(inside: impl Fn(Vec3) -> bool, half: Vec3, cells: usize) -> (f64, Vec3) {
@@ -467,14 +287,17 @@ mod tests {
         };
         let grid = 120;
         let cases = [
-            (Shape::Sphere { radius }, quadrature(|p| p.length() <= radius, Vec3::splat(radius), grid)),
-            (Shape::Box { half }, quadrature(|_| true, half, grid)),
             (
-                Shape::Cylinder { half_length, radius },
+                Shape::Sphere(Sphere { radius }),
+                quadrature(|p| p.length() <= radius, Vec3::splat(radius), grid),
+            ),
+            (Shape::Box(Cuboid { half }), quadrature(|_| true, half, grid)),
+            (
+                Shape::Cylinder(Cylinder { half_length, radius }),
                 quadrature(in_cylinder, Vec3::new(radius, radius, half_length), grid),
             ),
             (
-                Shape::Capsule { half_length, radius },
+                Shape::Capsule(Capsule { half_length, radius }),
                 quadrature(in_capsule, Vec3::new(radius, radius, half_length + radius), grid),
             ),
         ];
@@ -491,7 +314,7 @@ mod tests {
         let whole = Geometry::cuboid(Vec3::new(1.0, 2.0, 3.0)).unwrap();
         let turn = Quat::from_rotation_z(std::f64::consts::FRAC_PI_2);
         let part = |x: f64, orientation: Quat, half: Vec3| Part {
-            shape: Shape::Box { half },
+            shape: Shape::Box(Cuboid { half }),
             position: Vec3::new(5.0 + x, -1.0, 2.0),
             orientation,
         };
@@ -518,7 +341,7 @@ mod tests {
 
     #[test]
     fn two_spheres_that_overlap_by_a_radius_count_their_lens_once() {
-        let ball = Shape::Sphere { radius: 1.0 };
+        let ball = Shape::Sphere(Sphere { radius: 1.0 });
         let place = Vec3::new(3.0, -1.0, 2.0);
         let way = Vec3::new(1.0, 2.0, 2.0) / 3.0;
         let parts = vec![at(ball.clone(), place, Quat::IDENTITY), at(ball, place + way, Quat::IDENTITY)];
@@ -544,7 +367,7 @@ mod tests {
     #[test]
     fn overlapping_boxes_and_parts_inside_others_have_the_mass_of_the_whole() {
         let whole = Geometry::cuboid(Vec3::new(1.0, 0.5, 0.4)).unwrap();
-        let half = |x: f64| Shape::Box { half: Vec3::new(x, 0.5, 0.4) };
+        let half = |x: f64| Shape::Box(Cuboid { half: Vec3::new(x, 0.5, 0.4) });
         let turns = [Quat::IDENTITY, Quat::from_axis_angle(Vec3::new(1.0, -2.0, 0.5).normalize(), 0.7)];
         for turn in turns {
             let place = |x: f64| Vec3::new(4.0, -2.0, 1.0) + turn * Vec3::new(x, 0.0, 0.0);
@@ -559,14 +382,17 @@ mod tests {
                     at(half(0.6), place(0.4), turn),
                     at(half(0.5), place(0.0), turn),
                 ],
-                vec![at(half(1.0), place(0.0), turn), at(Shape::Sphere { radius: 0.3 }, place(0.5), turn)],
                 vec![
                     at(half(1.0), place(0.0), turn),
-                    at(Shape::Cylinder { half_length: 0.2, radius: 0.3 }, place(-0.2), turn),
+                    at(Shape::Sphere(Sphere { radius: 0.3 }), place(0.5), turn),
                 ],
                 vec![
                     at(half(1.0), place(0.0), turn),
-                    at(Shape::Capsule { half_length: 0.1, radius: 0.2 }, place(0.3), turn),
+                    at(Shape::Cylinder(Cylinder { half_length: 0.2, radius: 0.3 }), place(-0.2), turn),
+                ],
+                vec![
+                    at(half(1.0), place(0.0), turn),
+                    at(Shape::Capsule(Capsule { half_length: 0.1, radius: 0.2 }), place(0.3), turn),
                 ],
             ];
             for parts in cases {
@@ -586,13 +412,13 @@ mod tests {
 
     #[test]
     fn parts_that_only_touch_keep_their_sums_bit_for_bit() {
-        let block = Shape::Box { half: Vec3::new(0.5, 0.4, 0.3) };
-        let rod = Shape::Cylinder { half_length: 0.2, radius: 0.1 };
+        let block = Shape::Box(Cuboid { half: Vec3::new(0.5, 0.4, 0.3) });
+        let rod = Shape::Cylinder(Cylinder { half_length: 0.2, radius: 0.1 });
         for gap in [0.0, -1e-11, 1e-11] {
             let parts = vec![
                 at(block.clone(), Vec3::ZERO, Quat::IDENTITY),
                 at(block.clone(), Vec3::new(1.0 + gap, 0.0, 0.0), Quat::IDENTITY),
-                at(Shape::Sphere { radius: 0.2 }, Vec3::new(0.0, 0.0, 0.5 + gap), Quat::IDENTITY),
+                at(Shape::Sphere(Sphere { radius: 0.2 }), Vec3::new(0.0, 0.0, 0.5 + gap), Quat::IDENTITY),
                 at(rod.clone(), Vec3::new(0.9, 0.0, -0.5 - gap), Quat::IDENTITY),
             ];
             let sum: f64 = parts.iter().map(|part| part.shape.volume()).sum();
