@@ -71,6 +71,14 @@ impl Shape {
         Ok(Self::new(Geometry::cylinder(half_length, radius).or_raise()?, Vec3::ZERO))
     }
 
+    /// Cone about the z axis with its tip upwards, or frustum with a top of its own radius; its origin is the
+    /// centre of mass.
+    #[staticmethod]
+    #[pyo3(signature = (height, radius, top_radius=0.0))]
+    fn cone(height: f64, radius: f64, top_radius: f64) -> PyResult<Self> {
+        Ok(Self::new(Geometry::cone(height, radius, top_radius).or_raise()?, Vec3::ZERO))
+    }
+
     /// Surface of triangles: vertices (n, 3), triangles (m, 3) of indices, counter-clockwise seen from
     /// outside. Without mass unless it is solid, which asks for a closed surface.
     #[staticmethod]

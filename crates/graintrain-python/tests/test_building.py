@@ -98,6 +98,8 @@ def test_elastic_and_cohesive_pairs():
 def test_shapes():
     assert Shape.capsule(0.5, 0.1).volume == pytest.approx(np.pi * 0.01 * (1.0 + 4 / 30))
     assert Shape.cylinder(0.5, 0.1).volume == pytest.approx(np.pi * 0.01)
+    assert Shape.cone(0.6, 0.1).volume == pytest.approx(np.pi * 0.01 * 0.2)
+    assert Shape.cone(0.6, 0.1, 0.1).volume == pytest.approx(np.pi * 0.01 * 0.6)
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
     faces = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
     solid = Shape.mesh(corners, faces, solid=True)

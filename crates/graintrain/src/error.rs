@@ -212,6 +212,11 @@ pub(crate) fn place(what: &str, values: &[f64]) -> Result<(), ModelError> {
     }
 }
 
+/// `Err` unless finite and zero or above, m.
+pub(crate) fn not_negative(what: &str, value: f64) -> Result<(), ModelError> {
+    if value == 0.0 { Ok(()) } else { length(what, value) }
+}
+
 /// `Err` unless all components are finite.
 pub(crate) fn finite(what: &str, values: &[f64]) -> Result<(), ModelError> {
     match values.iter().find(|value| !value.is_finite()) {

@@ -5,7 +5,7 @@ use super::narrow::{Collidable, Placed, body_contacts};
 use super::reduce::Touch;
 use crate::hull::Hull;
 use crate::math::{Quat, Vec3, rotation_exponential};
-use crate::shape::{Capsule, Cuboid, Cylinder, Geometry, Shape};
+use crate::shape::{Capsule, Cone, Cuboid, Cylinder, Geometry, Shape};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::TAU;
@@ -47,6 +47,11 @@ fn prism() -> Shape {
     Shape::Hull(Hull::new(&(0..12).map(corner).collect::<Vec<_>>()).unwrap().0)
 }
 
+/// With a tip, or blunt: then wider at the top.
+fn cone(top_radius: f64) -> Shape {
+    Shape::Cone(Cone { height: 0.6, radius: 0.3, top_radius })
+}
+
 /// Points of the surface, edges and corners among them.
 fn surface(shape: &Shape) -> Vec<Vec3> {
     let n = 24;
@@ -67,6 +72,16 @@ fn surface(shape: &Shape) -> Vec<Vec3> {
                     let rim = radius * Vec3::new((TAU * u).cos(), (TAU * u).sin(), 0.0);
                     let height = half_length * Vec3::Z;
                     points.extend([rim + v * height, v * rim + height, v * rim - height]);
+                }
+                Shape::Cone(Cone { radius, top_radius, .. }) => {
+                    let [low, high] = shape.bounds().map(|corner| corner.z * Vec3::Z);
+                    let around = Vec3::new((TAU * u).cos(), (TAU * u).sin(), 0.0);
+                    let (bottom, top) = (low + radius * around, high + top_radius * around);
+                    points.extend([
+                        bottom.lerp(top, 0.5 * (v + 1.0)),
+                        low.lerp(bottom, v),
+                        high.lerp(top, v),
+                    ]);
                 }
                 Shape::Capsule(Capsule { half_length, radius }) => {
                     let around = Vec3::new((TAU * u).cos(), (TAU * u).sin(), 0.0);
@@ -193,6 +208,12 @@ fn motions_that_the_contacts_allow_do_not_overlap() {
         ("capsule-prism", capsule(), prism(), 0.1),
         ("cylinder-hull", cylinder(), stone(), 0.3),
         ("cylinder-prism", cylinder(), prism(), 0.3),
+        ("capsule-blunt cone", capsule(), cone(0.4), 0.1),
+        ("cone-box", cone(0.0), wide_block(), 0.3),
+        ("blunt cone-box", cone(0.4), wide_block(), 0.3),
+        ("cone-cylinder", cone(0.0), cylinder(), 0.3),
+        ("cone-blunt cone", cone(0.0), cone(0.4), 0.3),
+        ("cone-hull", cone(0.0), stone(), 0.3),
     ];
     let found: Vec<(&str, f64, f64)> =
         cases.into_iter().map(|(name, a, b, bound)| (name, worst(&a, &b, 150), bound)).collect();

@@ -1,6 +1,6 @@
 //! Geometries made of one or more shapes, with volume and inertia.
 
-use super::{Capsule, Cuboid, Cylinder, HalfSpace, Mesh, Shape, Sphere};
+use super::{Capsule, Cone, Cuboid, Cylinder, HalfSpace, Mesh, Shape, Sphere};
 use crate::collide::union::counted_twice;
 use crate::error::{ModelError, place};
 use crate::hull::Hull;
@@ -126,6 +126,15 @@ impl Geometry {
     /// [`ModelError::Value`] unless both lengths are positive.
     pub fn cylinder(half_length: f64, radius: f64) -> Result<Self, ModelError> {
         Self::single(Shape::Cylinder(Cylinder { half_length, radius }))
+    }
+
+    /// Cone about the z axis with its tip upwards, or frustum, m, about its centre of mass.
+    ///
+    /// # Errors
+    /// [`ModelError::Value`] unless the height and the radius of the base are positive, and that of the top
+    /// is not negative.
+    pub fn cone(height: f64, radius: f64, top_radius: f64) -> Result<Self, ModelError> {
+        Self::single(Shape::Cone(Cone { height, radius, top_radius }))
     }
 
     /// Convex hull of points, m. Returns the geometry, whose origin is the centre of mass, and that centre in
@@ -301,6 +310,13 @@ mod tests {
                 quadrature(in_capsule, Vec3::new(radius, radius, half_length + radius), grid),
             ),
         ];
+        // Its ends, at -0.44 and 0.68, lie between cells.
+        let in_cone = |p: Vec3| {
+            let up = p.z + 0.44;
+            (0.0..=1.12).contains(&up) && p.x.hypot(p.y) <= 0.5 - 0.25 * up / 1.12
+        };
+        let cone = Shape::Cone(Cone { height: 1.12, radius: 0.5, top_radius: 0.25 });
+        let cases = cases.into_iter().chain([(cone, quadrature(in_cone, Vec3::new(0.5, 0.5, 1.12), 224))]);
         for (shape, (volume, inertia)) in cases {
             assert!((shape.volume() / volume - 1.0).abs() < 2e-3, "{shape:?}");
             let own = shape.unit_inertia();

@@ -5,6 +5,7 @@
 //! `Form` and a line of `shapes!`.
 
 mod capsule;
+mod cone;
 mod cuboid;
 mod cylinder;
 pub(crate) mod frustum;
@@ -23,6 +24,7 @@ use crate::math::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 
 pub use capsule::Capsule;
+pub use cone::Cone;
 pub use cuboid::Cuboid;
 pub use cylinder::Cylinder;
 pub(crate) use geometry::unit_quaternion;
@@ -196,6 +198,8 @@ shapes! {
     Hull(Hull) = 7, "hull";
     /// Surface of triangles, or the solid that it encloses.
     Mesh(Mesh) = 5, "mesh";
+    /// Circular cone or frustum about the z axis.
+    Cone(Cone) = 8, "cone", cone::LENGTHS;
 }
 
 impl Shape {
@@ -275,6 +279,8 @@ mod tests {
             Shape::Plane(HalfSpace),
             Shape::Capsule(Capsule { half_length: 0.8, radius: 0.3 }),
             Shape::Cylinder(Cylinder { half_length: 0.6, radius: 0.5 }),
+            Shape::Cone(Cone { height: 1.1, radius: 0.8, top_radius: 0.0 }),
+            Shape::Cone(Cone { height: 0.9, radius: 0.3, top_radius: 0.7 }),
             Shape::Hull(Hull::new(&stone()).unwrap().0),
         ]
     }
@@ -282,7 +288,7 @@ mod tests {
     proptest! {
         /// The gradient is a unit vector, agrees with finite differences, and leads back to the surface.
         #[test]
-        fn gradient_agrees_with_finite_differences(p in prop::array::uniform3(-1.5..1.5_f64), which in 0..6_usize) {
+        fn gradient_agrees_with_finite_differences(p in prop::array::uniform3(-1.5..1.5_f64), which in 0..8_usize) {
             let (shape, p) = (&shapes()[which], Vec3::from_array(p));
             let distance = shape.form().signed_distance(p);
             prop_assert!((distance.normal.length() - 1.0).abs() < 1e-14);

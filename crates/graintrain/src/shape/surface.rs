@@ -57,7 +57,7 @@ impl Surface {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::shape::{Capsule, Cuboid, Cylinder, Shape};
+    use crate::shape::{Capsule, Cone, Cuboid, Cylinder, Shape};
     use std::f64::consts::PI;
 
     /// Volume enclosed by a closed, outward oriented surface: sum of a . (b x c) / 6.
@@ -87,6 +87,10 @@ mod tests {
         let surface = Shape::Cylinder(Cylinder { half_length: 0.5, radius: 0.2 }).surface().unwrap();
         assert!(is_closed(&surface));
         assert!((volume(&surface) - polygon * 0.04 * 1.0).abs() < 1e-12);
+        let cone = Shape::Cone(Cone { height: 0.6, radius: 0.2, top_radius: 0.1 });
+        let surface = cone.surface().unwrap();
+        assert!(is_closed(&surface));
+        assert!((volume(&surface) - polygon / PI * cone.volume()).abs() < 1e-12);
         let surface = Shape::Capsule(Capsule { half_length: 0.5, radius: 0.2 }).surface().unwrap();
         assert!(is_closed(&surface));
         let exact = PI * 0.04 * 1.0 + 4.0 / 3.0 * PI * 0.008;

@@ -45,6 +45,48 @@ fn a15_torque_free_body_turns_over() {
     assert!(drift < 1e-6 && energy < 1e-4);
 }
 
+/// A cone of half angle alpha that lies on a plane tilted by beta rolls about its tip: T = 3/40 m h^2
+/// theta'^2 (1 + 5 cos^2 alpha) with theta the angle of the line of contact to the steepest one (Landau and
+/// Lifshitz, Mechanics, section 32, problem 7), so that small swings have omega^2 = 5 g cos alpha sin beta /
+/// (h (1 + 5 cos^2 alpha)).
+#[test]
+fn a_cone_rolls_on_a_slope_as_a_pendulum() {
+    let (height, alpha, beta) = (0.1, 0.5_f64, 0.2_f64);
+    for model in BOTH {
+        for (step, tolerance) in [(1e-3, 2e-3), (4e-3, 1e-2)] {
+            let mut world = world(1.0, 0.0);
+            world.gravity = G * Vec3::new(beta.sin(), 0.0, -beta.cos());
+            add_ground(&mut world, 0.0);
+            let form = world.add_geometry(Geometry::cone(height, height * alpha.tan(), 0.0).unwrap());
+            let axis = Vec3::new(alpha.cos(), 0.0, alpha.sin());
+            let turn = Quat::from_rotation_z(0.1);
+            let orientation = turn * Quat::from_rotation_arc(Vec3::Z, -axis);
+            let place = turn * (0.75 * height * axis);
+            let body = Body { orientation, ..Body::new(form, MaterialId::default(), place) };
+            let body = world.add_body(body).unwrap().index();
+            let mut stepper = stepper(step, 1e-3, 1e-6, model);
+            let mut zeros = Vec::new();
+            let mut last = place.y;
+            while zeros.len() < 5 && world.time < 4.0 {
+                solved_step(&mut stepper, &mut world);
+                let now = world.bodies.position[body].y;
+                if now * last < 0.0 {
+                    zeros.push(world.time - step * now / (now - last));
+                }
+                last = now;
+            }
+            let cosine = alpha.cos();
+            let omega = (5.0 * G * cosine * beta.sin() / (height * (1.0 + 5.0 * cosine * cosine))).sqrt();
+            let period = 0.5 * (zeros[4] - zeros[0]);
+            let tip = world.bodies.position[body]
+                + world.bodies.orientation[body] * Vec3::new(0.0, 0.0, 0.75 * height);
+            println!("{model:?} {step}: period {} of {}, tip {tip}", period, 2.0 * PI / omega);
+            assert_close(period * omega / (2.0 * PI), 1.0, tolerance, "period");
+            assert!(tip.length() < 0.01 * height, "{tip}");
+        }
+    }
+}
+
 /// A disc on a thin tip that stands on a rough plane and does not slip.
 struct Top {
     world: World,
