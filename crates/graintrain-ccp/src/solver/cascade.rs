@@ -90,6 +90,12 @@ impl Default for FinishParameters {
 }
 
 impl RaceParameters {
+    /// Iterations of a turn where there are so many for the race.
+    fn turn(&self, share: usize) -> usize {
+        let (part, [least, most]) = self.turn;
+        ((share as f64 * part) as usize).clamp(least, most)
+    }
+
     /// The runners of a race in their order: places among the three members.
     fn runners(&self, problem: &Ccp, settings: &SolveSettings) -> &'static [usize] {
         let [in_single, in_double] = self.gradients_first;
@@ -125,6 +131,8 @@ enum Task {
     Exact,
     /// The same by this and the next two members ([`RaceParameters::runners`]), a turn of each.
     Round,
+    /// A turn of the first of them from no impulses: those of another time may be the worst start of all.
+    Afresh,
     /// The same in turns, until nobody gains.
     Race,
     /// Solves the problem without friction, for the proof that there is no solution.
@@ -206,6 +214,7 @@ fn exact_table(first: usize, relaxed: &[usize]) -> Vec<Stage> {
     let path = first + 3;
     let mut table = vec![
         Stage::new(first, Task::Round, Start::Last, 30_000),
+        Stage::new(first, Task::Afresh, Start::Zero, 30_000),
         // Where its systems are small, the path soon leads on.
         Stage::new(path, Task::Solve, Start::Best, 30_000),
         Stage::new(first, Task::Race, Start::Last, usize::MAX),
@@ -338,6 +347,7 @@ impl CcpSolver for Cascade {
                 Task::Round | Task::Race => {
                     self.race(stage, share, problem, settings, &limits, &mut course)?
                 }
+                Task::Afresh => self.afresh(stage, share, problem, settings, &limits, &mut course)?,
                 _ => self.make(stage, share, problem, settings, &limits, &mut course)?,
             };
             if ended {
@@ -361,8 +371,8 @@ impl Cascade {
         limits: &Limits<'_>,
         course: &mut Course,
     ) -> Result<bool, CcpError> {
-        let RaceParameters { turn: (part, [least, most]), first, longest, .. } = self.race;
-        let turn = ((share as f64 * part) as usize).clamp(least, most);
+        let RaceParameters { first, longest, .. } = self.race;
+        let turn = self.race.turn(share);
         let is_round = stage.task == Task::Round;
         let order = self.race.runners(problem, settings);
         let runner = |(place, k): (usize, &usize)| {
@@ -404,6 +414,30 @@ impl Cascade {
         }
     }
 
+    /// The first runner of a race takes a turn from no impulses. Where that leads nowhere, what follows goes on
+    /// as if it had not been; whether it ends the solve.
+    fn afresh(
+        &mut self,
+        stage: &Stage,
+        share: usize,
+        problem: &Ccp,
+        settings: &SolveSettings,
+        limits: &Limits<'_>,
+        course: &mut Course,
+    ) -> Result<bool, CcpError> {
+        if course.given.iter().all(|&g| g == 0.0) {
+            return Ok(false);
+        }
+        let (before, last, memory) = (course.best.residual(), course.last.clone(), course.memory.clone());
+        let member = stage.member + self.race.runners(problem, settings)[0];
+        let own = Stage { member, task: Task::Exact, ..*stage };
+        let ended = self.make(&own, self.race.turn(share), problem, settings, limits, course)?;
+        if course.best.residual() >= before {
+            (course.last, course.memory) = (last, memory);
+        }
+        Ok(ended)
+    }
+
     /// Makes a stage that may cost so much; whether it ends the solve.
     fn make(
         &mut self,
@@ -436,7 +470,7 @@ impl Cascade {
         let mut g = course.start(stage.start);
         let report = match stage.task {
             Task::Solve => member.solve(problem, &mut g, &settings),
-            Task::Exact | Task::Round | Task::Race => {
+            Task::Exact | Task::Round | Task::Afresh | Task::Race => {
                 let mut state = ExactState {
                     last: std::mem::take(&mut course.last),
                     memory: course.memory[stage.member],
