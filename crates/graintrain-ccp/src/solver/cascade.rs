@@ -414,8 +414,8 @@ impl Cascade {
         }
     }
 
-    /// The first runner of a race takes a turn from no impulses. Where that leads nowhere, what follows goes on
-    /// as if it had not been; whether it ends the solve.
+    /// The first runner of a race takes a turn from no impulses. Where that leads nowhere, what follows goes
+    /// on as if it had not been; whether it ends the solve.
     fn afresh(
         &mut self,
         stage: &Stage,

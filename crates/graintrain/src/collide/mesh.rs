@@ -11,7 +11,7 @@ use super::manifold::{Solid, manifold_contacts};
 use super::reduce::Touch;
 use super::triangle::{TriangleFeature, nearest_on_triangle};
 use crate::math::{Mat3, Quat, Vec3, mix};
-use crate::shape::{Capsule, Distance, Shape, Sphere};
+use crate::shape::{Capsule, Distance, Mesh, Shape, Sphere};
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 use std::collections::HashMap;
@@ -25,6 +25,8 @@ pub(crate) struct TriangleTree {
     /// Triangles around every vertex.
     around: TrianglesAround,
     tree: Bvh,
+    /// Whether it bounds a solid: bodies are on the outer sides of its triangles, wherever their centres are.
+    solid: bool,
 }
 
 /// The triangles around every vertex number, ascending.
@@ -100,7 +102,7 @@ const LEVEL: f64 = 1e-6;
 const NEARLY: f64 = 0.995;
 
 impl TriangleTree {
-    pub(crate) fn new(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Self {
+    pub(crate) fn new(Mesh { vertices, triangles, solid }: &Mesh) -> Self {
         let mut numbers: HashMap<[u64; 3], u32> = HashMap::new();
         let mut shared_number = |v: Vec3| {
             // Adding zero turns -0 into +0.
@@ -113,7 +115,8 @@ impl TriangleTree {
         let around = TrianglesAround::new(&shared, numbers.len());
         let boxes: Vec<Aabb> =
             corners.iter().map(|t| Aabb::new(t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]))).collect();
-        Self { corners, shared, around, tree: Bvh::from_leaves(BvhBuildStrategy::default(), &boxes) }
+        let tree = Bvh::from_leaves(BvhBuildStrategy::default(), &boxes);
+        Self { corners, shared, around, tree, solid: *solid }
     }
 
     /// Contacts with gap up to the envelope, in the mesh's frame, normals from the mesh to the visitor.
@@ -142,8 +145,7 @@ impl TriangleTree {
     ) {
         let corners = self.corners[triangle as usize];
         let face = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
-        // The body stays on the side on which its centre is.
-        let toward = if face.dot(visitor.position - corners[0]) < 0.0 { -face } else { face };
+        let toward = self.side(face, visitor.position - corners[0]);
         let mut touches: Vec<Touch> = Vec::new();
         match *visitor.shape {
             Shape::Sphere(Sphere { radius }) => {
@@ -176,10 +178,19 @@ impl TriangleTree {
             }
         }
         for mut touch in touches {
+            if self.solid && face.dot(touch.normal) < -LEVEL {
+                continue;
+            }
             touch.feature = triangle_feature(triangle, touch.feature);
             let (foot, feature) = nearest_on_triangle(touch.point - 0.5 * touch.gap * touch.normal, corners);
             candidates.push(Candidate { touch, triangle, foot, feature });
         }
+    }
+
+    /// The normal of a triangle on the side on which a body stays: that on which its centre is, of a solid
+    /// the outer one.
+    fn side(&self, face: Vec3, to_centre: Vec3) -> Vec3 {
+        if !self.solid && face.dot(to_centre) < 0.0 { -face } else { face }
     }
 
     /// The other triangles that have these corners of a triangle.
@@ -189,48 +200,73 @@ impl TriangleTree {
         self.around.of(*first).iter().copied().filter(move |&other| other != triangle && has_all(other))
     }
 
-    /// Whether the normal tilts from the face of the triangle over an edge beyond which the surface rises
-    /// along it: then the points beyond are nearer to the body, and the edge bears nothing.
-    fn rises_along(&self, normal: Vec3, triangle: u32) -> bool {
+    /// Where the way from a point of a triangle along a direction leaves it: there, or where the way of a
+    /// point of its border leads out at once.
+    fn exit(&self, triangle: u32, foot: Vec3, way: Vec3) -> TriangleFeature {
+        let corners = self.corners[triangle as usize];
+        let far = corners.iter().map(|corner| (*corner - foot).length()).fold(0.0, f64::max);
+        let face = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
+        let way = way.reject_from(face).normalize_or_zero();
+        // Along the way to the first border; a hair beyond it the nearest feature is where it left.
+        let borders = (0..3).filter_map(|k| {
+            let out = (corners[(k + 1) % 3] - corners[k]).cross(face).normalize();
+            let speed = out.dot(way);
+            (speed > LEVEL).then(|| (out.dot(corners[k] - foot) / speed).max(0.0))
+        });
+        let leaves = borders.fold(far, f64::min);
+        nearest_on_triangle(foot + (leaves + LEVEL * far) * way, corners).1
+    }
+
+    /// Whether the normal tilts from the face of the triangle over an edge or corner beyond which the surface
+    /// rises along it: then the points beyond are nearer to the body, and the edge bears nothing.
+    fn rises_along(&self, candidate: &Candidate) -> bool {
+        let (normal, triangle) = (candidate.touch.normal, candidate.triangle);
         let (corners, shared) = (self.corners[triangle as usize], self.shared[triangle as usize]);
-        (0..3).any(|k| {
-            let ends = [k, (k + 1) % 3];
-            let along = corners[ends[1]] - corners[ends[0]];
-            let into = (corners[(k + 2) % 3] - corners[k]).reject_from(along).normalize_or_zero();
-            if normal.dot(into) >= -LEVEL {
-                return false;
+        let rises = |way: Vec3| normal.dot(way.normalize_or_zero()) > LEVEL;
+        match self.exit(triangle, candidate.foot, normal) {
+            TriangleFeature::Face => false,
+            TriangleFeature::Edge(k) => {
+                let ends = [k, (k + 1) % 3];
+                let along = corners[ends[1]] - corners[ends[0]];
+                self.sharing(triangle, &ends.map(|end| shared[end])).any(|other| {
+                    let numbers = self.shared[other as usize];
+                    let apex =
+                        (0..3).find(|&i| numbers[i] != shared[ends[0]] && numbers[i] != shared[ends[1]]);
+                    let beyond = apex.map(|i| self.corners[other as usize][i] - corners[k]);
+                    beyond.is_some_and(|beyond| rises(beyond.reject_from(along)))
+                })
             }
-            self.sharing(triangle, &ends.map(|end| shared[end])).any(|other| {
-                let other_corners = self.corners[other as usize];
-                let numbers = self.shared[other as usize];
-                let apex = (0..3).find(|&i| numbers[i] != shared[ends[0]] && numbers[i] != shared[ends[1]]);
-                let beyond = apex.map_or(Vec3::ZERO, |i| other_corners[i] - corners[k]).reject_from(along);
-                normal.dot(beyond.normalize_or_zero()) > LEVEL
-            })
-        })
+            TriangleFeature::Vertex(k) => self.sharing(triangle, &[shared[k]]).any(|other| {
+                let from_here = |&corner: &Vec3| rises(corner - corners[k]);
+                self.corners[other as usize].iter().any(from_here)
+            }),
+        }
     }
 
     /// Takes away the contacts of flat bodies and capsules with edges that bear nothing, where there is a
     /// gap. Where the normal is nearly that of the triangle's face (the library's is one of the body's own
     /// faces, or rough where bodies barely touch), it becomes that; and so where the body overlaps the
-    /// triangle: the least way out of one triangle may lead along the surface, out of the surface it does
-    /// not.
+    /// triangle and lies over it: the least way out of one triangle may lead along the surface, out of the
+    /// surface it does not.
     fn leave_surface(&self, candidates: &mut Vec<Candidate>, visitor: &Visitor<'_>) {
         candidates.retain_mut(|candidate| {
-            let (touch, triangle) = (&mut candidate.touch, candidate.triangle);
-            let corners = self.corners[triangle as usize];
+            let corners = self.corners[candidate.triangle as usize];
             let face = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
-            let cosine = face.dot(touch.normal);
-            if cosine.abs() > 1.0 - 0.5 * LEVEL * LEVEL || !self.rises_along(touch.normal, triangle) {
+            let cosine = face.dot(candidate.touch.normal);
+            if cosine.abs() > 1.0 - 0.5 * LEVEL * LEVEL || !self.rises_along(candidate) {
                 return true;
             }
-            let overlaps = touch.gap < 0.0;
+            let touch = &mut candidate.touch;
+            let overlap = (-touch.gap).max(0.0);
             let on_body = touch.point + 0.5 * touch.gap * touch.normal;
-            touch.normal = if face.dot(visitor.position - corners[0]) < 0.0 { -face } else { face };
+            touch.normal = self.side(face, visitor.position - corners[0]);
             let on_body = visitor.foremost_around(on_body, touch.normal);
             touch.gap = touch.normal.dot(on_body - corners[0]);
             touch.point = on_body - 0.5 * touch.gap * touch.normal;
-            overlaps || cosine.abs() > NEARLY
+            let foot = on_body - touch.gap * touch.normal;
+            let beside = (nearest_on_triangle(foot, corners).0 - foot).length();
+            overlap > 0.0 && beside <= overlap + LEVEL * visitor.shape.bounding_radius()
+                || cosine.abs() > NEARLY
         });
     }
 
@@ -318,7 +354,7 @@ mod tests {
         let pick = |k: u32| (f64::from(k * k) * 0.618_034).fract();
         let triangles: Vec<[u32; 3]> =
             (0..60).map(|k| [0, 1, 2].map(|i| (14.0 * pick(3 * k + i)) as u32)).collect();
-        let mesh = TriangleTree::new(&vertices, &triangles);
+        let mesh = TriangleTree::new(&Mesh { vertices, triangles: triangles.clone(), solid: false });
         for triangle in 0..triangles.len() as u32 {
             let [a, b, c] = mesh.shared[triangle as usize];
             for corners in [&[a][..], &[b], &[c], &[a, b], &[b, c], &[c, a]] {

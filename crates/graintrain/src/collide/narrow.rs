@@ -6,7 +6,7 @@ use super::mesh::{TriangleTree, Visitor};
 use super::plane::plane_contacts;
 use super::reduce::{Touch, reduce};
 use crate::math::{Mat3, Quat, Vec3, mix};
-use crate::shape::{Capsule, Geometry, HalfSpace, Mesh, Shape, Sphere};
+use crate::shape::{Capsule, Geometry, HalfSpace, Shape, Sphere};
 use parry3d_f64::bounding_volume::Aabb;
 
 /// A geometry with what the collision phase derives from it once.
@@ -37,7 +37,7 @@ impl Collidable {
             _ => None,
         };
         let tree = |shape: &Shape| match shape {
-            Shape::Mesh(Mesh { vertices, triangles, .. }) => Some(TriangleTree::new(vertices, triangles)),
+            Shape::Mesh(mesh) => Some(TriangleTree::new(mesh)),
             _ => None,
         };
         let bounds = |shape: &Shape| {

@@ -8,8 +8,8 @@ use crate::math::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// Circular cone about the z axis, its tip upwards, or a frustum where it has a top; the origin is its centre of
-/// mass.
+/// Circular cone about the z axis, its tip upwards, or a frustum where it has a top; the origin is its centre
+/// of mass.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cone {
     /// From the base to the tip or top, m.

@@ -52,8 +52,8 @@ impl Frustum {
         (height / side, taper / side)
     }
 
-    /// Of a point at the distance `rho` from the axis: heights over the bottom, the top and the mantle, and how
-    /// far up the side its foot lies, from 0 to 1 on it.
+    /// Of a point at the distance `rho` from the axis: heights over the bottom, the top and the mantle, and
+    /// how far up the side its foot lies, from 0 to 1 on it.
     fn heights(&self, rho: f64, z: f64) -> ([f64; 2], f64, f64) {
         let (taper, height, side) = self.side();
         let (out, up) = (rho - self.r[0], z - self.z[0]);
@@ -218,8 +218,8 @@ impl Frustum {
     }
 }
 
-/// Both t at which the line `centre + t * half_axis` has the distance `at_centre + t * growth` from the z axis,
-/// or less that distance.
+/// Both t at which the line `centre + t * half_axis` has the distance `at_centre + t * growth` from the z
+/// axis, or less that distance.
 fn roots(centre: Vec3, half_axis: Vec3, at_centre: f64, growth: f64) -> [f64; 2] {
     let (c, a) = (centre.truncate(), half_axis.truncate());
     let square = a.length_squared() - growth * growth;
@@ -247,8 +247,8 @@ impl PolygonalFeatureMap for Frustum {
         self.local_support_feature_toward(direction, direction, feature);
     }
 
-    /// The line of the mantle, or four points of the rim of an end, in the direction of `hint`: near the contact
-    /// they then have all of the face.
+    /// The line of the mantle, or four points of the rim of an end, in the direction of `hint`: near the
+    /// contact they then have all of the face.
     fn local_support_feature_toward(&self, direction: Vec3, hint: Vec3, feature: &mut PolygonalFeature) {
         let away = radial(hint).1.or(radial(direction).1).unwrap_or(Vec3::X);
         let rim = |end: usize, way: Vec3| self.r[end] * way + self.z[end] * Vec3::Z;

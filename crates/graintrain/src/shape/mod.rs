@@ -1,8 +1,8 @@
 //! Shapes, one file each, and geometries made of one or more of them.
 //!
 //! A shape is what its [`Form`] says: its mass, its extent, its distance from a point, its corners, its
-//! surface. All else (contacts, bounds, pictures, scene files) is made from that. A new shape is a file with a
-//! `Form` and a line of `shapes!`.
+//! surface. All else (contacts, bounds, pictures, scene files) is made from that. A new shape is a file with
+//! a `Form` and a line of `shapes!`.
 
 mod capsule;
 mod cone;
@@ -75,14 +75,14 @@ pub(crate) trait Form {
     /// by triangle.
     fn signed_distance(&self, c: Vec3) -> Distance;
 
-    /// Where the line `centre + t * half_axis` crosses the borders of the space over a face: the t, in an order
-    /// of its own; infinite where there is no crossing.
+    /// Where the line `centre + t * half_axis` crosses the borders of the space over a face: the t, in an
+    /// order of its own; infinite where there is no crossing.
     fn crossings(&self, _centre: Vec3, _half_axis: Vec3) -> Vec<f64> {
         Vec::new()
     }
 
-    /// What holds it off a plane, to which `down` leads: points, each with the radius of the ball about it that
-    /// touches (zero where it is a point of the surface) and its feature.
+    /// What holds it off a plane, to which `down` leads: points, each with the radius of the ball about it
+    /// that touches (zero where it is a point of the surface) and its feature.
     fn lowest_points(&self, _down: Vec3, _each: &mut dyn FnMut(Vec3, f64, u64)) {}
 
     /// The corners and edges that hold it off other solids. `toward` leads to the other one.
@@ -95,8 +95,8 @@ pub(crate) trait Form {
         0.0
     }
 
-    /// Height of `p` over the flat face whose normal is `outward`, m, if it lies over it (or beside it by up to
-    /// `beside`); `None` where there is no such face.
+    /// Height of `p` over the flat face whose normal is `outward`, m, if it lies over it (or beside it by up
+    /// to `beside`); `None` where there is no such face.
     fn height_over_face(&self, _p: Vec3, _outward: Vec3, _beside: f64) -> Option<f64> {
         None
     }
@@ -112,8 +112,8 @@ pub(crate) trait Form {
         None
     }
 
-    /// Where the round that has this point of the surface comes nearest to a plane with this normal; `None` for
-    /// what is not round there.
+    /// Where the round that has this point of the surface comes nearest to a plane with this normal; `None`
+    /// for what is not round there.
     fn foremost_around(&self, _point: Vec3, _normal: Vec3) -> Option<Vec3> {
         None
     }
@@ -249,7 +249,8 @@ impl Shape {
         self.form().surface()
     }
 
-    /// Checks sizes and, for a mesh, the vertex indices; for a solid one that it closes and is not inside out.
+    /// Checks sizes and, for a mesh, the vertex indices; for a solid one that it closes and is not inside
+    /// out.
     ///
     /// # Errors
     /// [`ModelError`] for the first defect.

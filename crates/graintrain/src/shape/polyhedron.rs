@@ -46,9 +46,9 @@ impl Form for Hull {
         Some(Surface { vertices: self.corners().to_vec(), triangles: self.triangles() })
     }
 
-    /// A nearest point in the inside of a face lies on the face of largest height; otherwise it lies on an edge
-    /// of a face that the point is above: the way from there is a sum of the normals of both faces of the edge,
-    /// and positive along one of them.
+    /// A nearest point in the inside of a face lies on the face of largest height; otherwise it lies on an
+    /// edge of a face that the point is above: the way from there is a sum of the normals of both faces of
+    /// the edge, and positive along one of them.
     fn signed_distance(&self, c: Vec3) -> Distance {
         let (highest, height) = highest_face(c, self);
         let face = &self.faces()[highest];

@@ -393,3 +393,137 @@ fn what_stands_on_the_borders_of_triangles_does_not_fall_through() {
         }
     }
 }
+
+/// A body of this form, turned, that falls from here on a fixed mesh, after so many steps of 2 ms.
+fn after_fall(
+    mesh: Geometry,
+    form: Geometry,
+    turn: Quat,
+    start: (Vec3, Vec3),
+    steps: usize,
+    model: FrictionModel,
+) -> (World, usize) {
+    let mut world = world(0.3, 0.0);
+    let (mesh, form) = (world.add_geometry(mesh), world.add_geometry(form));
+    let motion = world.add_motion(Motion::fixed()).unwrap();
+    world.add_body(Body { motion, ..Body::new(mesh, MaterialId::default(), Vec3::ZERO) }).unwrap();
+    let (position, velocity) = start;
+    let body = Body { orientation: turn, velocity, ..Body::new(form, MaterialId::default(), position) };
+    let body = world.add_body(body).unwrap().index();
+    let mut stepper = stepper(2e-3, model);
+    for _ in 0..steps {
+        solved_step(&mut stepper, &mut world);
+    }
+    (world, body)
+}
+
+/// Bars across a mesh whose flat faces are not convex (the ends of a step, a window in a sheet): triangles
+/// that lie beside the bar in the plane of the face are no reason to push it along its axis.
+#[test]
+fn bars_lie_on_steps_and_in_windows() {
+    let profile = [(-0.5, -0.3), (0.5, -0.3), (0.5, 0.0), (0.0, 0.0), (0.0, 0.2), (-0.5, 0.2)];
+    let step: Vec<Vec3> =
+        [-0.5, 0.5].iter().flat_map(|&y| profile.iter().map(move |&(x, z)| Vec3::new(x, y, z))).collect();
+    let mut sides =
+        vec![[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5], [6, 8, 7], [6, 9, 8], [6, 10, 9], [6, 11, 10]];
+    sides.extend((0..6).flat_map(|k| {
+        let next = (k + 1) % 6;
+        [[k, k + 6, next + 6], [k, next + 6, next]]
+    }));
+    let ring = |r: f64| [(-r, -r), (r, -r), (r, r), (-r, r)].map(|(x, z)| Vec3::new(x, 0.0, z));
+    let window = [ring(1.0), ring(0.2)].concat();
+    let sheet: Vec<[u32; 3]> =
+        (0..4).flat_map(|k| [[k, (k + 1) % 4, (k + 1) % 4 + 4], [k, (k + 1) % 4 + 4, k + 4]]).collect();
+    let turn = Quat::from_rotation_x(PI / 2.0);
+    for model in BOTH {
+        for (what, form) in [
+            ("capsule", Geometry::capsule(0.75, 0.05)),
+            ("cylinder", Geometry::cylinder(0.75, 0.05)),
+            ("box", Geometry::cuboid(Vec3::new(0.05, 0.05, 0.75))),
+        ] {
+            let form = form.unwrap();
+            let meshes = [(&step, &sides, 0.05), (&window, &sheet, -0.15)];
+            for (vertices, triangles, rest) in meshes {
+                let mesh = Geometry::mesh(vertices.clone(), triangles.clone()).unwrap();
+                let start = (Vec3::new(0.1, 0.0, rest + 0.05), Vec3::ZERO);
+                let (world, body) = after_fall(mesh, form.clone(), turn, start, 200, model);
+                let place = world.bodies.position[body];
+                let off = (place - Vec3::new(0.1, 0.0, rest)).length();
+                assert!(off < 1e-4, "{model:?} {what} {rest}: {place}");
+            }
+        }
+    }
+}
+
+/// What rolls or slides over the edge of a table of triangles leaves it as it leaves a box.
+#[test]
+fn bodies_leave_a_mesh_as_they_leave_a_box() {
+    let half = Vec3::new(1.0, 1.0, 0.15);
+    let turn = Quat::from_rotation_x(-PI / 2.0);
+    for (what, form, height) in [
+        ("capsule", Geometry::capsule(0.2, 0.1), 0.1),
+        ("cylinder", Geometry::cylinder(0.2, 0.1), 0.1),
+        ("cone", Geometry::cone(0.4, 0.1, 0.1), 0.1),
+        ("box", Geometry::cuboid(Vec3::new(0.1, 0.05, 0.2)), 0.05),
+    ] {
+        let form = form.unwrap();
+        let start = (Vec3::new(0.55, 0.5, 0.15 + height), Vec3::new(2.0, -1.8, 0.0));
+        let (vertices, triangles) = brick(half, 1);
+        let solid = Geometry::solid_mesh(vertices.clone(), triangles.clone()).unwrap().0;
+        let tables = [Geometry::cuboid(half), Geometry::mesh(vertices, triangles), Ok(solid)];
+        let ends = tables.map(|table| {
+            let model = FrictionModel::Coulomb;
+            let (world, body) = after_fall(table.unwrap(), form.clone(), turn, start, 250, model);
+            world.bodies.velocity[body]
+        });
+        let off = ends.map(|end| (end - ends[0]).length());
+        assert!(off.iter().all(|off| *off < 5e-3), "{what}: {ends:?}");
+    }
+}
+
+/// A box that slides over an edge of a free tetrahedron of triangles to where the next face has its centre
+/// behind it, in free flight: as over the hull of the same points.
+#[test]
+fn a_box_slides_off_a_solid_mesh_as_off_a_hull() {
+    let points =
+        [[0.3, 0.0, -0.2], [-0.2, 0.3, -0.2], [-0.2, -0.3, -0.2], [0.0, 0.0, 0.4]].map(Vec3::from_array);
+    let mut energies = Vec::new();
+    for as_mesh in [false, true] {
+        let mut world = world(0.3, 0.0);
+        world.gravity = Vec3::ZERO;
+        let triangles = vec![[2, 1, 0], [3, 0, 1], [3, 1, 2], [3, 2, 0]];
+        let (tetrahedron, _) =
+            if as_mesh { Geometry::solid_mesh(points.to_vec(), triangles) } else { Geometry::hull(&points) }
+                .unwrap();
+        let tetrahedron = world.add_geometry(tetrahedron);
+        let turned =
+            |axis: [f64; 3], angle: f64| Quat::from_axis_angle(Vec3::from_array(axis).normalize(), angle);
+        let centre = points.iter().sum::<Vec3>() / 4.0;
+        let orientation = turned([1.486_142, 0.566_084, 0.554_688], 2.120_112);
+        world
+            .add_body(Body {
+                orientation,
+                angular_velocity: Vec3::new(0.294_009, -2.133_911, -0.576_655),
+                ..Body::new(tetrahedron, MaterialId::default(), orientation * centre)
+            })
+            .unwrap();
+        let form = world.add_geometry(Geometry::cuboid(Vec3::new(0.1, 0.075, 0.15)).unwrap());
+        world
+            .add_body(Body {
+                orientation: turned([0.430_440, -0.282_266, -1.129_171], 2.588_672),
+                velocity: Vec3::new(1.162_780, 0.137_207, 1.621_455),
+                angular_velocity: Vec3::new(0.899_894, -1.418_807, -2.287_529),
+                ..Body::new(form, MaterialId::default(), Vec3::new(-0.496_900, -0.058_977, -0.529_637))
+            })
+            .unwrap();
+        for (body, mass) in [(0, 5.0), (1, 1.0)] {
+            let factor = mass / world.bodies.mass[body];
+            world.bodies.mass[body] = mass;
+            world.bodies.inertia[body] = factor * world.bodies.inertia[body];
+        }
+        let mut stepper = stepper(2e-3, FrictionModel::Coulomb);
+        run(&mut stepper, &mut world, 250);
+        energies.push(world.kinetic_energy());
+    }
+    assert!((energies[1] / energies[0] - 1.0).abs() < 5e-3, "{energies:?}");
+}
