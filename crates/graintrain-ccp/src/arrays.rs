@@ -97,7 +97,7 @@ impl Ccp {
 
 /// The matrix of entries that are in range. The two triangles of what is symmetric but for rounding become
 /// equal in [`crate::newton::SchurComplement`], not here.
-fn blocks(entries: &[(usize, usize, f64)], contacts: usize) -> Result<BlockMatrix3, CcpError> {
+pub(crate) fn blocks(entries: &[(usize, usize, f64)], contacts: usize) -> Result<BlockMatrix3, CcpError> {
     let mut sorted: Vec<(usize, usize, f64)> = entries.to_vec();
     // Stable, so that entries given more than once add up in the order given.
     sorted.sort_by_key(|&(row, column, _)| (row / 3, column / 3));

@@ -291,6 +291,16 @@ impl Ccp {
             || self.turning.iter().any(|turning| turning.rolling > 0.0 || turning.spinning > 0.0)
     }
 
+    /// The same problem without friction. Exact friction lets no contact close, u_n >= 0, and has no solution
+    /// where this problem has none; that the relaxation has none proves nothing about it.
+    pub(crate) fn frictionless(&self) -> Self {
+        let mut problem = Self { friction: vec![0.0; self.num_contacts()], ..self.clone() };
+        for turning in &mut problem.turning {
+            (turning.rolling, turning.spinning) = (0.0, 0.0);
+        }
+        problem
+    }
+
     /// Cone of contact i and of entry k of [`Self::turning`], which is its own.
     pub fn turning_cone(&self, i: usize, k: usize) -> TurningCone {
         let TurningFriction { rolling, spinning, .. } = self.turning[k];

@@ -15,15 +15,12 @@ pub struct TurningRows {
 }
 
 impl RigidDelassus {
-    /// N with three more rows for each of these contacts, after those of all contacts.
+    /// N with three more rows for each of these contacts, and no others, after those of all contacts.
     ///
     /// # Panics
     /// If an entry names a contact that does not exist.
     #[must_use]
     pub fn with_turning(mut self, turning: Vec<TurningRows>) -> Self {
-        if turning.is_empty() {
-            return self;
-        }
         let sides_of = |rows: &TurningRows| {
             let contact = &self.contacts[rows.contact as usize];
             [(contact.body_a, 1.0), (contact.body_b, -1.0)]
@@ -65,7 +62,7 @@ impl RigidDelassus {
     }
 
     /// Sides of turning rows of one body: entry of [`Self::turning`] and sign.
-    pub(super) fn turning_sides(&self, body: usize) -> &[(u32, f64)] {
+    pub(crate) fn turning_sides(&self, body: usize) -> &[(u32, f64)] {
         if self.turning.is_empty() {
             return &[];
         }

@@ -20,9 +20,9 @@
 //! problem has no objective, and any of them may circle where another gets on. So they hold a race: a turn of
 //! each, from where the one before ended, then it is the turn of the one that gained most per iteration in
 //! its last. Where their systems are small, a piece of the [path](super::path_following) comes between. Where
-//! nobody gains any more come the problem without friction (where it has no solution, this one has none), the
-//! whole path from large tau, and last the [fixed point](super::fixed_point) on the convex problem with the
-//! shift held.
+//! nobody gains any more come the search for a proof that the problem without friction has no solution (then
+//! this one has none), the whole path from large tau, and last the [fixed point](super::fixed_point) on the
+//! convex problem with the shift held.
 
 use super::accelerated_sweeps::AcceleratedSweeps;
 use super::apgd::Apgd;
@@ -30,6 +30,7 @@ use super::driver::{Best, Limits, check_start};
 use super::first_order::FirstOrder;
 use super::fixed_point;
 use super::history::History;
+use super::infeasible;
 use super::interface::{Capabilities, CcpSolver, Cost, ExactState};
 use super::ipm::Ipm;
 use super::momentum::Memory;
@@ -135,8 +136,8 @@ enum Task {
     Afresh,
     /// The same in turns, until nobody gains.
     Race,
-    /// Solves the problem without friction, for the proof that there is no solution.
-    Frictionless,
+    /// Searches for a proof that there is no solution: [`infeasible`].
+    Proof,
     /// Solves relaxed problems with De Saxce's shift held: [`fixed_point`].
     FixedPoint,
     /// The same from below, as the answer whatever the residual: [`fixed_point::from_below`].
@@ -208,6 +209,11 @@ struct Runner {
     rate: Option<f64>,
 }
 
+/// The search for a proof, by what the systems of a member cost.
+const fn proof(member: usize) -> Stage {
+    Stage::new(member, Task::Proof, Start::Best, 60_000)
+}
+
 /// Exact friction with the members of [`exact_members`] from number `first` on, and relaxed ones for the
 /// fixed point, of which the last, of second order, makes the finish.
 fn exact_table(first: usize, relaxed: &[usize]) -> Vec<Stage> {
@@ -218,7 +224,7 @@ fn exact_table(first: usize, relaxed: &[usize]) -> Vec<Stage> {
         // Where its systems are small, the path soon leads on.
         Stage::new(path, Task::Solve, Start::Best, 30_000),
         Stage::new(first, Task::Race, Start::Last, usize::MAX),
-        Stage::new(first, Task::Frictionless, Start::Zero, 60_000),
+        proof(relaxed[relaxed.len() - 1]),
         Stage::new(path, Task::Solve, Start::Zero, 1_000_000),
     ];
     table.extend(relaxed.iter().map(|&member| Stage::new(member, Task::FixedPoint, Start::Best, 300_000)));
@@ -242,8 +248,8 @@ impl Cascade {
             members,
             // About ten times what a settled packing needs for 1e-4 from a cold start.
             relaxed: [
-                vec![solve(first, 30_000), solve(ipm, usize::MAX), solve(patient, 30_000)],
-                vec![solve(ipm, usize::MAX), solve(patient, 100_000)],
+                vec![solve(first, 30_000), solve(ipm, usize::MAX), solve(patient, 30_000), proof(ipm)],
+                vec![solve(ipm, usize::MAX), solve(patient, 100_000), proof(ipm)],
             ],
             exact: exact_table(exact, &[exact + 1, exact, ipm]),
             fixed_point: fixed_point::Parameters::default(),
@@ -319,8 +325,14 @@ impl CcpSolver for Cascade {
             return self.members[0].solve(problem, impulse, settings);
         }
         let fits = |stage: &&Stage| {
-            let is_asked_for = stage.task != Task::Finish || settings.finish > 0;
-            is_asked_for && self.members[stage.member].capabilities().fit(problem)
+            let of_member = self.members[stage.member].capabilities();
+            match stage.task {
+                Task::Finish if settings.finish == 0 => false,
+                // Where friction is relaxed `ipm` has searched, if it takes the problem.
+                Task::Proof if friction == FrictionModel::Relaxed && of_member.fit(problem) => false,
+                Task::Proof => Capabilities { turning: true, ..of_member }.fit(problem),
+                _ => of_member.fit(problem),
+            }
         };
         let mut table: Vec<Stage> = self.table(settings).iter().filter(fits).copied().collect();
         if table.is_empty() {
@@ -330,12 +342,13 @@ impl CcpSolver for Cascade {
         check_start(problem, impulse)?;
         let limits = Limits::start(settings, usize::MAX);
         let mut course = Course::new(impulse, self.members.len(), table.len());
-        let last = table.iter().rposition(|stage| stage.task != Task::Finish);
+        let last = table.iter().rposition(|stage| !matches!(stage.task, Task::Finish | Task::Proof));
         for (place, stage) in table.iter().enumerate() {
             let gets_all = Some(place) == last || stage.most == usize::MAX;
             let share = match stage.task {
                 Task::Finish if course.best.residual() <= self.finish.above.max(settings.tolerance) => 0,
                 Task::Finish => settings.finish,
+                Task::Proof if course.best.residual() <= infeasible::GOOD_ENOUGH => 0,
                 _ if gets_all => course.left(&limits),
                 _ => course.left(&limits).div_ceil(2),
             };
@@ -456,7 +469,8 @@ impl Cascade {
         let cost = if is_only { Cost::default() } else { member.cost(problem) };
         let allowed = ((share as f64 - cost.start).max(0.0) / cost.iteration) as usize;
         let is_limited = limits.iterations_left(0) != usize::MAX;
-        if allowed < cost.least && is_limited && !course.stages.is_empty() {
+        let is_optional = is_limited || stage.task == Task::Proof;
+        if allowed < cost.least && is_optional && !course.stages.is_empty() {
             return Ok(false);
         }
         let bounded = share != usize::MAX;
@@ -483,10 +497,7 @@ impl Cascade {
                 (course.last, course.memory[stage.member]) = (state.last, state.memory);
                 exact.map(|report| report.expect("the member is capable of exact friction"))
             }
-            Task::Frictionless => {
-                let report = fixed_point::frictionless(member, problem, &settings);
-                return report.map(|report| course.proved(report, stage.start, cost));
-            }
+            Task::Proof => infeasible::verdict(problem, &g, course.status, &settings),
             Task::FixedPoint => fixed_point::solve(member, problem, &mut g, &settings, &self.fixed_point),
             Task::Finish => {
                 let parameters = &self.finish.from_below;
@@ -606,17 +617,6 @@ impl Course {
         let ends = matches!(report.status, Status::Converged | Status::Stopped | Status::Infeasible);
         if ends && report.converged() {
             self.ended = Some(report);
-        }
-        ends
-    }
-
-    /// Takes the answer to the problem without friction: where that has no solution, the exact one has none.
-    /// (That a relaxed problem with friction has none proves nothing about the exact one.)
-    fn proved(&mut self, report: SolveReport, start: Start, cost: Cost) -> bool {
-        self.count(&report, start, cost);
-        let ends = matches!(report.status, Status::Infeasible | Status::Stopped);
-        if ends {
-            self.status = report.status;
         }
         ends
     }

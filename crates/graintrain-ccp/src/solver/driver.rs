@@ -13,7 +13,7 @@ use std::time::Instant;
 
 /// Said beside [`Status::Infeasible`].
 const INFEASIBLE: &str = "no velocities of the bodies keep these contacts apart, which was proved: bodies are wedged in, or \
-    pressed together by ones that cannot move. The impulses are those of contacts that give a little; let something move, or \
+    pressed together by ones that cannot move. The impulses are those of contacts that give a little, or the best ones met; let something move, or \
     remove an overlap or a prescribed motion, for a problem that has a solution";
 
 /// What is left of a curvature per solve that does not meet it again.

@@ -116,7 +116,7 @@ pub fn solve(
         let mut report = relaxed.solve(&shifted, impulse, &inner)?;
         if report.status == Status::Infeasible && last_inner != Some(Status::Infeasible) {
             let without = SolveSettings { max_time: limits.time_left(), ..inner };
-            let asked = frictionless(relaxed, problem, &without)?;
+            let asked = relaxed.solve(&problem.frictionless(), &mut vec![0.0; problem.r.len()], &without)?;
             report = SolveReport { status: report.status, ..report.after(&asked) };
             if asked.status == Status::Infeasible {
                 status = Status::Infeasible;
@@ -237,24 +237,6 @@ pub fn from_below(
     let mut history = History::default();
     history.record(sums[0], limits.seconds(), report.residual);
     Ok(SolveReport { products: sums[2], newton, history: history.into_samples(), ..report })
-}
-
-/// The problem without friction: where not even that has a solution, the exact one has none. Impulses that
-/// keep the bodies apart exist there, or nowhere.
-///
-/// # Errors
-/// Those of the solver.
-pub fn frictionless(
-    relaxed: &mut dyn CcpSolver,
-    problem: &Ccp,
-    settings: &SolveSettings,
-) -> Result<SolveReport, CcpError> {
-    let mut frictionless = Ccp { friction: vec![0.0; problem.num_contacts()], ..problem.clone() };
-    for turning in &mut frictionless.turning {
-        (turning.rolling, turning.spinning) = (0.0, 0.0);
-    }
-    let settings = SolveSettings { friction: FrictionModel::Relaxed, ..settings.clone() };
-    relaxed.solve(&frictionless, &mut vec![0.0; problem.r.len()], &settings)
 }
 
 /// How the residual falls, and what is asked of the next solve.

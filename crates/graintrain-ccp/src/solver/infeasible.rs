@@ -36,6 +36,7 @@
 //! [`Status::Infeasible`](super::Status::Infeasible) where V is at least [`CERTAIN`], or, after it failed in
 //! every other way, at least [`PROBABLE`]; below that it says that it stalled.
 
+mod apart;
 mod certificate;
 mod search;
 
@@ -45,12 +46,15 @@ pub(crate) use search::{is_suspicious, search};
 
 use super::driver::Limits;
 use super::ipm::scaled::Scaled;
+use super::report::{SolveReport, Status};
 use super::settings::SolveSettings;
+use crate::delassus::Delassus;
 use crate::newton::direct::Direct;
 use crate::newton::driver::NewtonDriver;
 use crate::problem::{Ccp, CcpError};
-use crate::residual::ResidualScale;
+use crate::residual::{FrictionModel, ResidualScale};
 use certificate::Evaluator;
+use std::sync::Arc;
 
 /// Looks for the impulses that prove most: for a problem with a solution `needed_velocity` is at most the
 /// largest change of velocity of a body in that solution over max_i |r_i|, for one without there is no bound
@@ -62,30 +66,59 @@ pub fn certificate(problem: &Ccp) -> Result<Certificate, CcpError> {
     certificate_within(problem, &SolveSettings::default())
 }
 
-/// [`certificate`] with the time and the stop flag of these settings: what was found until then.
+/// [`certificate`] within the time, the Newton systems and the stop flag of these settings: what was found
+/// until then.
 ///
 /// # Errors
 /// As [`certificate`].
 pub fn certificate_within(problem: &Ccp, settings: &SolveSettings) -> Result<Certificate, CcpError> {
+    found(problem, settings, &mut 0)
+}
+
+/// The report on the impulses of a solve that ended with `status`: [`Status::Infeasible`] where there is a
+/// proof. `settings.max_iterations` bounds the Newton systems.
+pub(crate) fn verdict(
+    problem: &Ccp,
+    impulse: &[f64],
+    status: Status,
+    settings: &SolveSettings,
+) -> Result<SolveReport, CcpError> {
+    let limits = Limits::start(settings, usize::MAX);
+    let frictionless = (settings.friction == FrictionModel::Coulomb).then(|| problem.frictionless());
+    let mut systems = 0;
+    let found = found(frictionless.as_ref().unwrap_or(problem), settings, &mut systems)?;
+    let status = if found.needed_velocity >= PROBABLE { Status::Infeasible } else { status };
+    Ok(limits.report("certificate", problem, impulse, status, systems, 0))
+}
+
+fn found(problem: &Ccp, settings: &SolveSettings, systems: &mut usize) -> Result<Certificate, CcpError> {
     problem.validate()?;
-    problem.require_sliding_alone("the search for a certificate")?;
     if problem.num_contacts() == 0 {
         return Ok(Certificate::default());
     }
-    let scaled = Scaled::new(problem, &ResidualScale::new(problem), &mut None);
+    let matrix = match &*problem.delassus {
+        Delassus::Rigid(rigid) if !rigid.is_plain() => {
+            let delassus = Arc::new(Delassus::Sparse(rigid.assemble()));
+            Some(Ccp { delassus, ..problem.clone() })
+        }
+        _ => None,
+    };
+    let problem = matrix.as_ref().unwrap_or(problem);
+    let apart = apart::apart(problem)?;
+    let scaled = Scaled::new(&apart, &ResidualScale::new(&apart), &mut None);
     let mut newton = NewtonDriver::new(Box::new(Direct::default()));
     newton.begin(&scaled.problem);
-    let unlimited = SolveSettings { max_iterations: None, tolerance: 0.0, ..settings.clone() };
-    let limits = Limits::start(&unlimited, usize::MAX);
-    Ok(search(&mut newton, problem, &scaled, &limits, &mut 0))
+    let settings = SolveSettings { tolerance: 0.0, ..settings.clone() };
+    let limits = Limits::start(&settings, usize::MAX);
+    Ok(search(&mut newton, problem, &scaled, &limits, systems))
 }
 
 /// V / max_i |r_i| for the projection of `g` on the cones.
 ///
 /// # Errors
-/// [`CcpError::Size`] where the length is not 3 N_c.
+/// [`CcpError::Size`] where the length is not that of r.
 pub fn needed_velocity(problem: &Ccp, g: &[f64]) -> Result<f64, CcpError> {
-    let expected = 3 * problem.num_contacts();
+    let expected = problem.r.len();
     if g.len() != expected {
         return Err(CcpError::Size { what: "ray", got: g.len(), expected });
     }

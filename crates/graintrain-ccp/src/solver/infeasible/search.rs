@@ -18,6 +18,7 @@ use super::super::driver::Limits;
 use super::super::ipm::iterate::Work;
 use super::super::ipm::mehrotra::{self, Correctors};
 use super::super::ipm::scaled::Scaled;
+use super::apart::places;
 use super::certificate::{CERTAIN, Certificate, Evaluator, PROBABLE};
 use crate::delassus::DelassusWork;
 use crate::newton::driver::NewtonDriver;
@@ -74,9 +75,9 @@ pub(crate) fn is_suspicious(along: f64, energy: f64, free: f64) -> bool {
 }
 
 /// Looks for a proof that `problem` has no solution; ends where one is found that is [`CERTAIN`], or no
-/// better one can be expected. `newton` must have begun the scaled problem; `iterations` counts Newton
-/// systems. Each costs one right-hand side more than those of the interior point, and a step of refinement
-/// for every one.
+/// better one can be expected. `scaled` is the problem taken [`apart`](super::apart), which `newton` must
+/// have begun; `iterations` counts Newton systems. Each costs one right-hand side more than those of the
+/// interior point, and a step of refinement for every one.
 pub(crate) fn search(
     newton: &mut NewtonDriver,
     problem: &Ccp,
@@ -93,8 +94,9 @@ pub(crate) fn search(
     (work.proximal, work.noise) = (parameters.proximal, 0.0);
     work.start(inner, &a, parameters.barrier);
     let mut rank_one = RankOne::new(inner, parameters.linear);
-    let mut physical = vec![0.0; a.len()];
-    let mut best = Certificate { ray: vec![0.0; a.len()], ..Certificate::default() };
+    let places = places(problem);
+    let mut physical = vec![0.0; places.len()];
+    let mut best = Certificate { ray: physical.clone(), ..Certificate::default() };
     let (mut reference, mut since_better) = (0.0, 0);
     for _ in 0..parameters.systems {
         work.impulses_from_pairs();
@@ -104,8 +106,8 @@ pub(crate) fn search(
             *ng += a * along;
         }
         work.update_dual_residual(&a);
-        for (k, physical) in physical.iter_mut().enumerate() {
-            *physical = scaled.impulse_unit[k / 3] * work.g[k];
+        for (physical, place) in physical.iter_mut().zip(&places) {
+            *physical = place.map_or(0.0, |k| scaled.impulse_unit[k / 3] * work.g[k]);
         }
         let needed_velocity = evaluator.needed_velocity(problem, &physical);
         if needed_velocity > best.needed_velocity {
@@ -142,7 +144,9 @@ pub(crate) fn search(
         }
     }
     let tau = 1.0 + dot(&a, &work.g);
-    best.solution = (tau > 0.0).then(|| physical.iter().map(|g| g / (parameters.weight * tau)).collect());
+    // Taken apart, a problem keeps its rays alone.
+    let solved = tau > 0.0 && problem.turning.is_empty();
+    best.solution = solved.then(|| physical.iter().map(|g| g / (parameters.weight * tau)).collect());
     best
 }
 
