@@ -20,14 +20,21 @@
 //! max_b max(|u_b|, L_b |w_b|)  >=  V = -r^T g / sum_b ( |f_b| + |m_b| / L_b )
 //! ```
 //!
-//! with f_b and m_b the sums of the impulses on body b and of their moments, L_b its longest arm. **A
-//! solution would have to change the velocity of some body by V.** The verdict is V in units of the
-//! largest |r_i|: no masses enter, no units, no size of g. Where N is a matrix without bodies, g^T (N g* +
-//! r) >= 0 for a solution g* gives in the same way
+//! with f_b and m_b the sums of the impulses on body b and of their moments, L_b its longest arm or length of
+//! turning rows. **A solution would have to change the velocity of some body by V.** The verdict is V in
+//! units of the largest |r_i|: no masses enter, no units, no size of g. Where N is a matrix without bodies,
+//! g^T (N g* + r) >= 0 for a solution g* gives in the same way, with any d,
 //!
 //! ```text
-//! max_i eta_i |g*_i|  >=  V = -r^T g / sum_i |(N g)_i| / eta_i.
+//! max_i max(|(N g*)_i|, 1e-6 eta_i |g*_i|)  >=  V = -r^T g / sum_i ( |d_i| + 1e6 |(N g - N d)_i| / eta_i ).
 //! ```
+//!
+//! With N d = N g velocities alone count, as over bodies: impulses are large wherever a heavy body rests on a
+//! light one. A ratio of masses of more than 1e10 is taken for a body that cannot move.
+//!
+//! The cones may be any: contacts that resist turning have a component more per row ([`apart`] says how they
+//! are searched). Exact friction adds s >= 0 to u_n and has no solution where r has none without friction,
+//! u_n >= 0; that the relaxation has none proves nothing about it.
 //!
 //! Bounds of the rounding errors are counted against the claim. [`certificate`] looks for a ray.
 //!

@@ -165,9 +165,9 @@ fn clarabel_says_infeasible(problem: &Ccp) -> bool {
     matches!(clarabel_status(problem), SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible)
 }
 
-/// min 1/2 |v|^2 with D^T v + r in the dual cones, by Clarabel: what it says about such a v. Of a
-/// contact that turns u_n = a + b + c with (a, mu u_t), (b, rolling w_t) and (c, spinning w_n) in second-order
-/// cones, b and c unknowns of their own.
+/// min 1/2 |v|^2 with D^T v + r in the dual cones, by Clarabel: what it says about such a v. Of a contact
+/// that turns u_n = a + b + c with (a, mu u_t), (b, rolling w_t) and (c, spinning w_n) in second-order cones,
+/// b and c unknowns of their own.
 fn clarabel_status(problem: &Ccp) -> SolverStatus {
     use clarabel::algebra::CscMatrix;
     use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, SupportedConeT};

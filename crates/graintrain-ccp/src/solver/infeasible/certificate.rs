@@ -73,7 +73,7 @@ impl Evaluator {
         }
         let terms: f64 = self.ray.iter().zip(&problem.r).map(|(ray, r)| (ray * r).abs()).sum();
         let asked = -dot(&problem.r, &self.ray) - f64::EPSILON * self.ray.len() as f64 * terms;
-        if !(asked > 0.0) {
+        if asked.is_nan() || asked <= 0.0 {
             return 0.0;
         }
         let moved = match &*problem.delassus {
