@@ -2,15 +2,18 @@
 //!
 //! Where M and H are those of rigid bodies the bodies are kept ([`super::rigid`]). Otherwise N is condensed:
 //! M falls apart into independent blocks (one per deformable body); with M_c = L L^T and Y = L^-1 H_c, N is
-//! the sum of Y^T Y.
+//! the sum of Y^T Y. Where M is noticeably asymmetric N = H^T M^-1 H is, too, and as W is of the local form
+//! it is kept beside its symmetric part; with equality constraints M is made symmetric first.
 
+use super::NOTICEABLE_ASYMMETRY;
 use super::dense;
 use super::error::{Defect, WRITE_AGAIN};
-use super::local::{add_low_rank, symmetric_blocks};
+use super::local::{add_low_rank, as_filed, symmetric_blocks};
 use super::matrix::{Entry, Matrix};
 use super::raw::GlobalForm;
 use super::rigid::{self, Bodies};
 use graintrain_ccp::{Delassus, RigidDelassus};
+use graintrain_linalg::dense::{Lu, Matrix as DenseMatrix, ViewMut};
 
 /// Largest independent block of M that is factorised densely, degrees of freedom.
 const LARGEST_BLOCK: usize = 4000;
@@ -20,6 +23,8 @@ const LARGEST_COUPLING: usize = 2000;
 /// N, r, and what else the matrices tell.
 pub(super) struct Reduced {
     pub(super) delassus: Delassus,
+    /// N itself where it is noticeably asymmetric.
+    pub(super) as_filed: Option<Delassus>,
     pub(super) r: Vec<f64>,
     /// Contact points relative to each other, where bodies were recognised.
     pub(super) points: Vec<[f64; 3]>,
@@ -34,6 +39,7 @@ impl Reduced {
         Self {
             bodies: bodies.num_bodies(),
             delassus: Delassus::Rigid(bodies),
+            as_filed: None,
             r: w,
             points: Vec::new(),
             asymmetry: 0.0,
@@ -45,20 +51,25 @@ impl Reduced {
 pub(super) fn reduce(global: &GlobalForm, rolls: bool) -> Result<Reduced, Defect> {
     let asymmetry = global.m.asymmetry();
     let ht = global.h.transposed();
+    let is_asymmetric = asymmetry > NOTICEABLE_ASYMMETRY && global.equalities.is_none();
     // Rows of rolling friction have no bodies to be recognised by: `rolls` says that there are some.
     if global.equalities.is_none()
         && !rolls
+        && !is_asymmetric
         && let Some(Bodies { delassus, free_velocity }) = rigid::recognise(&global.m, &ht, &global.f)?
     {
         let r = global.w.iter().zip(free_velocity).map(|(w, u)| w + u).collect();
         let points = rigid::relative_points(&delassus);
         let bodies = delassus.num_bodies();
-        return Ok(Reduced { delassus: Delassus::Rigid(delassus), r, points, bodies, asymmetry });
+        let delassus = Delassus::Rigid(delassus);
+        return Ok(Reduced { delassus, as_filed: None, r, points, bodies, asymmetry });
     }
     let blocks = independent_blocks(&global.m);
-    let (w, r) = condense(global, &ht, &blocks)?;
+    let (w, r) = condense(global, &ht, &blocks, is_asymmetric)?;
     let delassus = Delassus::Sparse(symmetric_blocks(&w));
-    Ok(Reduced { delassus, r, points: Vec::new(), bodies: count_bodies(&blocks, global.m.rows), asymmetry })
+    let as_filed = is_asymmetric.then(|| as_filed(&w));
+    let bodies = count_bodies(&blocks, global.m.rows);
+    Ok(Reduced { delassus, as_filed, r, points: Vec::new(), bodies, asymmetry })
 }
 
 /// Degrees of freedom of each block of M that is coupled to no other, ascending.
@@ -96,7 +107,12 @@ fn count_bodies(blocks: &[Vec<usize>], freedoms: usize) -> usize {
 }
 
 /// N and r, the independent blocks of M one after the other.
-fn condense(global: &GlobalForm, ht: &Matrix, blocks: &[Vec<usize>]) -> Result<(Matrix, Vec<f64>), Defect> {
+fn condense(
+    global: &GlobalForm,
+    ht: &Matrix,
+    blocks: &[Vec<usize>],
+    is_asymmetric: bool,
+) -> Result<(Matrix, Vec<f64>), Defect> {
     // Columns of H, of G and f of one block of M, as rows of length block size.
     let mut place = vec![(0, 0); global.m.rows];
     for (b, block) in blocks.iter().enumerate() {
@@ -132,12 +148,17 @@ fn condense(global: &GlobalForm, ht: &Matrix, blocks: &[Vec<usize>]) -> Result<(
             ));
         }
         let factor = factorise(&global.m, block, &place)?;
+        let general = is_asymmetric.then(|| general_factor(&global.m, block, &place)).transpose()?;
+        let solve = |y: &mut [f64]| match &general {
+            Some(lu) => lu.solve_in_place(ViewMut::new(y, n, 1)),
+            None => dense::solve_lower(&factor, n, y),
+        };
         let mut y_f: Vec<f64> = block.iter().map(|&freedom| global.f[freedom]).collect();
-        dense::solve_lower(&factor, n, &mut y_f);
-        for (_, y) in h_rows.iter_mut().chain(g_rows.iter_mut()) {
-            dense::solve_lower(&factor, n, y);
-        }
-        for (row, y) in h_rows.iter() {
+        solve(&mut y_f);
+        // Columns of H to the left of M^-1 H, where Y is not both.
+        let left = general.is_some().then(|| h_rows.clone());
+        h_rows.iter_mut().chain(g_rows.iter_mut()).for_each(|(_, y)| solve(y));
+        for (row, y) in left.as_ref().unwrap_or(h_rows) {
             r[*row] += dot(y, &y_f);
             entries.extend(h_rows.iter().map(|(column, z)| Entry {
                 row: *row,
@@ -195,6 +216,17 @@ fn spread(
         let last = rows.len() - 1;
         rows[last].1[k] = entry.value;
     }
+}
+
+/// Factors of M_c as it is.
+fn general_factor(m: &Matrix, block: &[usize], place: &[(usize, usize)]) -> Result<Lu, Defect> {
+    let mut a = DenseMatrix::zeros(block.len(), block.len());
+    for (k, &freedom) in block.iter().enumerate() {
+        for entry in m.rows_in(freedom..freedom + 1) {
+            a[(k, place[entry.column].1)] = entry.value;
+        }
+    }
+    Lu::new(a).map_err(|error| Defect::damaged("the mass matrix M", error.to_string(), WRITE_AGAIN))
 }
 
 /// Cholesky factor of (M_c + M_c^T) / 2.

@@ -25,7 +25,7 @@ pub(super) fn reduce(local: LocalForm) -> Result<Reduced, Defect> {
         Some(equalities) => eliminate(&local, equalities)?,
         None => (local.w, local.q),
     };
-    let as_filed = (asymmetry > NOTICEABLE_ASYMMETRY).then(|| Delassus::Sparse(blocks(&w)));
+    let as_filed = (asymmetry > NOTICEABLE_ASYMMETRY).then(|| as_filed(&w));
     Ok(Reduced { delassus: Delassus::Sparse(symmetric_blocks(&w)), as_filed, r, asymmetry })
 }
 
@@ -37,10 +37,10 @@ pub(super) fn symmetric_blocks(matrix: &Matrix) -> BlockMatrix3 {
     summed_blocks(matrix.rows / 3, both.collect())
 }
 
-/// A in 3x3 blocks; diagonal blocks are always stored.
-fn blocks(matrix: &Matrix) -> BlockMatrix3 {
+/// A itself in 3x3 blocks; diagonal blocks are always stored.
+pub(super) fn as_filed(matrix: &Matrix) -> Delassus {
     let entries = matrix.entries.iter().map(|entry| (entry.row, entry.column, entry.value));
-    summed_blocks(matrix.rows / 3, entries.collect())
+    Delassus::Sparse(summed_blocks(matrix.rows / 3, entries.collect()))
 }
 
 /// The matrix of these entries (row, column, value), added up where there are several.

@@ -66,8 +66,8 @@ pub struct ProblemFile {
     pub title: String,
     /// Number of bodies (independent blocks of M); 0 where the file does not know them.
     pub bodies: usize,
-    /// The problem with the matrix W as it is in the file, where that is noticeably asymmetric. `problem` has
-    /// its symmetric part.
+    /// The problem with the matrix W, or with H^T M^-1 H, as it is in the file, where that is noticeably
+    /// asymmetric. `problem` has its symmetric part.
     pub as_filed: Option<Ccp>,
     /// Where contacts have rolling friction, the length of each one's turning rows, m: the impulses of these
     /// rows in `problem` are the file's moments over it, the velocities the file's times it. Empty without
@@ -221,6 +221,7 @@ fn build(stated: Stated) -> Result<ProblemFile, Defect> {
                 Some(bodies) => global::Reduced::from_bodies(bodies, std::mem::take(&mut global.w)),
                 None => global::reduce(&global, rolling.is_some())?,
             };
+            matrix_as_filed = reduced.as_filed;
             let form = match reduced.delassus {
                 Delassus::Rigid(_) => Form::RigidBodies,
                 Delassus::Sparse(_) => Form::Condensed,

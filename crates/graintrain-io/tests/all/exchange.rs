@@ -1,6 +1,7 @@
 //! Formats of other programs: what is written is read again; mutated files give messages, never a panic.
 
 use graintrain::math::Vec3;
+use graintrain_ccp::FrictionModel;
 use graintrain_io::output::exchange::{Array, Snapshot};
 use graintrain_io::problem_file;
 use graintrain_io::scene::Scene;
@@ -167,6 +168,62 @@ fn block() -> [(&'static str, Vec<(&'static str, &'static str)>); 2] {
         ("a_W.mtx", vec![("a_W.mtx", w), ("a_q.mtx", q), ("a_mu.mtx", mu)]),
         ("M.mtx", vec![("M.mtx", m), ("H.mtx", h), ("f.mtx", zero), ("w.mtx", q), ("mu.mtx", mu)]),
     ]
+}
+
+/// W = M^-1, given the one way and the other: exact friction takes it as it is, the relaxation its symmetric
+/// part, and both say so.
+#[test]
+fn an_asymmetric_matrix_is_taken_alike_as_w_and_as_m() {
+    let folder = tempfile::tempdir().unwrap();
+    // By columns.
+    let w = [2.0, 0.1, 0.0, 0.3, 1.0, -0.2, 0.0, 0.0, 1.5];
+    let inverse = {
+        // By cofactors.
+        let at = |i: usize, j: usize| w[3 * (j % 3) + i % 3];
+        let minor =
+            |i: usize, j: usize| at(i + 1, j + 1) * at(i + 2, j + 2) - at(i + 1, j + 2) * at(i + 2, j + 1);
+        let determinant: f64 = (0..3).map(|j| at(0, j) * minor(0, j)).sum();
+        // Entry (i, j), by columns.
+        std::array::from_fn(|k| minor(k / 3, k % 3) / determinant)
+    };
+    let (f, free) = ([0.3, -0.4, 0.5], [-0.1, 0.02, 0.05]);
+    let q: [f64; 3] = std::array::from_fn(|i| free[i] + (0..3).map(|j| w[3 * j + i] * f[j]).sum::<f64>());
+    let unit: [f64; 9] = std::array::from_fn(|k| if k % 4 == 0 { 1.0 } else { 0.0 });
+    let write = |name: &str, values: &[f64]| {
+        let mut text = format!("%%MatrixMarket matrix array real general\n3 {}\n", values.len() / 3);
+        values.iter().for_each(|value| text += &format!("{value:e}\n"));
+        std::fs::write(folder.path().join(format!("{name}.mtx")), text).unwrap();
+    };
+    for (name, values) in [("a_W", &w), ("M", &inverse), ("H", &unit)] {
+        write(name, values);
+    }
+    for (name, values) in [("a_q", q), ("f", f), ("w", free)] {
+        write(name, &values);
+    }
+    for name in ["a_mu.mtx", "mu.mtx"] {
+        let text = "%%MatrixMarket matrix array real general\n1 1\n0.3\n";
+        std::fs::write(folder.path().join(name), text).unwrap();
+    }
+    for name in ["a_W.mtx", "M.mtx"] {
+        let file = problem_file::read(&folder.path().join(name)).unwrap();
+        assert!(file.notes().iter().any(|note| note.contains("exact friction takes it as it is")), "{name}");
+        for friction in [FrictionModel::Relaxed, FrictionModel::Coulomb] {
+            let problem = file.posed(friction);
+            for j in 0..3 {
+                let mut column = [0.0; 3];
+                let delassus = &problem.delassus;
+                delassus.multiply(&unit[3 * j..3 * j + 3], &mut column, &mut delassus.work());
+                for i in 0..3 {
+                    let expected = match friction {
+                        FrictionModel::Relaxed => 0.5 * (w[3 * j + i] + w[3 * i + j]),
+                        FrictionModel::Coulomb => w[3 * j + i],
+                    };
+                    assert!((column[i] - expected).abs() < 1e-14, "{name} {friction}: {i} {j}");
+                }
+            }
+            assert!(problem.r.iter().zip(&q).all(|(r, q)| (r - q).abs() < 1e-14), "{name} {friction}");
+        }
+    }
 }
 
 #[test]

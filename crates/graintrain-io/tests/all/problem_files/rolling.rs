@@ -6,8 +6,9 @@ use graintrain_ccp::{FrictionModel, SolveSettings, SolverSpec};
 use graintrain_io::problem_file::{self, Form, ProblemFile};
 use std::path::Path;
 
-/// Velocities of impulses.
-type VelocityOf = dyn Fn(&[f64]) -> Vec<f64>;
+/// Velocities of impulses, with the matrix as it is in the file or, where friction is relaxed, its symmetric
+/// part.
+type VelocityOf = dyn Fn(&[f64], FrictionModel) -> Vec<f64>;
 
 /// Five rows per contact: velocities of given impulses, and the coefficients.
 struct AsFiled {
@@ -22,12 +23,13 @@ struct AsFiled {
 impl AsFiled {
     fn new(velocity: Box<VelocityOf>, mu: Vec<f64>, mu_r: Vec<f64>) -> Self {
         let size = 5 * mu.len();
-        let free = velocity(&vec![0.0; size]);
+        let velocity_of = |r: &[f64]| velocity(r, FrictionModel::Coulomb);
+        let free = velocity_of(&vec![0.0; size]);
         let mut inverse_mass = 0.0_f64;
         for k in (0..size).filter(|k| k % 5 < 3) {
             let mut unit = vec![0.0; size];
             unit[k] = 1.0;
-            inverse_mass = inverse_mass.max(velocity(&unit)[k] - free[k]);
+            inverse_mass = inverse_mass.max(velocity_of(&unit)[k] - free[k]);
         }
         let square: f64 = free.chunks_exact(5).map(|u| dot(&u[..3], &u[..3])).sum();
         let velocity_scale = (square / mu.len() as f64).sqrt();
@@ -37,7 +39,7 @@ impl AsFiled {
     /// How far impulses and moments are from the laws, relative to the scales: in their discs, contacts part,
     /// and both leave nothing over: r . u + (mu |u_t| + mu_r |w|) r_n = 0 where friction is exact.
     fn violation(&self, r: &[f64], friction: FrictionModel) -> f64 {
-        let u = (self.velocity)(r);
+        let u = (self.velocity)(r, friction);
         let mut worst = 0.0_f64;
         for (i, (r, u)) in r.chunks_exact(5).zip(u.chunks_exact(5)).enumerate() {
             let (sliding, rolling) = (self.mu[i] * u[1].hypot(u[2]), self.mu_r[i] * u[3].hypot(u[4]));
@@ -66,8 +68,8 @@ fn read_text(path: &Path) -> AsFiled {
     let w: Vec<f64> = rest[..size * size].to_vec();
     let q = rest[size * size..][..size].to_vec();
     let coefficients = &rest[size * size + size..];
-    let velocity = move |r: &[f64]| {
-        // Column by column.
+    let velocity = move |r: &[f64], _: FrictionModel| {
+        // Column by column, and symmetric.
         (0..size).map(|i| q[i] + (0..size).map(|j| w[j * size + i] * r[j]).sum::<f64>()).collect()
     };
     AsFiled::new(
@@ -90,19 +92,20 @@ fn read_hdf5(path: &Path) -> AsFiled {
         }
         matrix
     };
-    let (filed, h) = (dense("M"), dense("H"));
-    // M of the chute is symmetric to 1e-6 of its largest entry only, which is 0.2 % of W: its symmetric part
-    // is the problem.
-    let mean = |i: usize, j: usize| 0.5 * (filed[i][j] + filed[j][i]);
-    let m = (0..filed.len()).map(|i| (0..filed.len()).map(|j| mean(i, j)).collect()).collect();
+    let (m, h) = (dense("M"), dense("H"));
     let [f, w, mu, mu_r] = ["f", "w", "mu", "mu_r"].map(|name| read(&format!("vectors/{name}")));
     let size = w.len();
     let column = |k: usize| h.iter().map(|row| row[k]).collect::<Vec<f64>>();
     let columns: Vec<Vec<f64>> = (0..size).map(column).collect();
     let moved: Vec<Vec<f64>> = columns.iter().chain([&f]).map(|b| solve(&m, b)).collect();
-    let velocity = move |r: &[f64]| {
+    let velocity = move |r: &[f64], friction: FrictionModel| {
         let along = |j: usize| w[j] + dot(&columns[j], &moved[size]);
-        let product = |j: usize| (0..size).map(|k| r[k] * dot(&columns[j], &moved[k])).sum::<f64>();
+        // M of the chute is symmetric to 1e-6 of its largest entry only, which is 0.2 % of W.
+        let entry = |j: usize, k: usize| match (dot(&columns[j], &moved[k]), friction) {
+            (filed, FrictionModel::Coulomb) => filed,
+            (filed, FrictionModel::Relaxed) => 0.5 * (filed + dot(&columns[k], &moved[j])),
+        };
+        let product = |j: usize| (0..size).map(|k| r[k] * entry(j, k)).sum::<f64>();
         (0..size).map(|j| along(j) + product(j)).collect()
     };
     AsFiled::new(Box::new(velocity), mu, mu_r)
