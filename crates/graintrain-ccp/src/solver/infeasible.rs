@@ -61,6 +61,7 @@ use crate::newton::driver::NewtonDriver;
 use crate::problem::{Ccp, CcpError};
 use crate::residual::{FrictionModel, ResidualScale};
 use certificate::Evaluator;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// Looks for the impulses that prove most: for a problem with a solution `needed_velocity` is at most the
@@ -103,14 +104,7 @@ fn found(problem: &Ccp, settings: &SolveSettings, systems: &mut usize) -> Result
     if problem.num_contacts() == 0 {
         return Ok(Certificate::default());
     }
-    let matrix = match &*problem.delassus {
-        Delassus::Rigid(rigid) if !rigid.is_plain() => {
-            let delassus = Arc::new(Delassus::Sparse(rigid.assemble()));
-            Some(Ccp { delassus, ..problem.clone() })
-        }
-        _ => None,
-    };
-    let problem = matrix.as_ref().unwrap_or(problem);
+    let problem = &measurable(problem);
     let apart = apart::apart(problem)?;
     let scaled = Scaled::new(&apart, &ResidualScale::new(&apart), &mut None);
     let mut newton = NewtonDriver::new(Box::new(Direct::default()));
@@ -118,6 +112,18 @@ fn found(problem: &Ccp, settings: &SolveSettings, systems: &mut usize) -> Result
     let settings = SolveSettings { tolerance: 0.0, ..settings.clone() };
     let limits = Limits::start(&settings, usize::MAX);
     Ok(search(&mut newton, problem, &scaled, &limits, systems))
+}
+
+/// The problem with N as a matrix where it is more than bodies that move one by one: V over bodies would know
+/// nothing of joints, springs and cells.
+fn measurable(problem: &Ccp) -> Cow<'_, Ccp> {
+    match &*problem.delassus {
+        Delassus::Rigid(rigid) if !rigid.is_plain() => {
+            let delassus = Arc::new(Delassus::Sparse(rigid.assemble()));
+            Cow::Owned(Ccp { delassus, ..problem.clone() })
+        }
+        _ => Cow::Borrowed(problem),
+    }
 }
 
 /// V / max_i |r_i| for the projection of `g` on the cones.
@@ -129,5 +135,6 @@ pub fn needed_velocity(problem: &Ccp, g: &[f64]) -> Result<f64, CcpError> {
     if g.len() != expected {
         return Err(CcpError::Size { what: "ray", got: g.len(), expected });
     }
+    let problem = &measurable(problem);
     Ok(Evaluator::new(problem).needed_velocity(problem, g))
 }

@@ -147,29 +147,18 @@ fn condense(
                 "write the problem in its local form (W, q, mu) instead",
             ));
         }
-        let factor = factorise(&global.m, block, &place)?;
-        let general = is_asymmetric.then(|| general_factor(&global.m, block, &place)).transpose()?;
-        let solve = |y: &mut [f64]| match &general {
-            Some(lu) => lu.solve_in_place(ViewMut::new(y, n, 1)),
-            None => dense::solve_lower(&factor, n, y),
-        };
+        let factor = factorise(&global.m, block, &place, is_asymmetric)?;
         let mut y_f: Vec<f64> = block.iter().map(|&freedom| global.f[freedom]).collect();
-        solve(&mut y_f);
+        factor.solve(&mut y_f);
         // Columns of H to the left of M^-1 H, where Y is not both.
-        let left = general.is_some().then(|| h_rows.clone());
-        h_rows.iter_mut().chain(g_rows.iter_mut()).for_each(|(_, y)| solve(y));
+        let left = is_asymmetric.then(|| h_rows.clone());
+        h_rows.iter_mut().chain(g_rows.iter_mut()).for_each(|(_, y)| factor.solve(y));
         for (row, y) in left.as_ref().unwrap_or(h_rows) {
             r[*row] += dot(y, &y_f);
-            entries.extend(h_rows.iter().map(|(column, z)| Entry {
-                row: *row,
-                column: *column,
-                value: dot(y, z),
-            }));
-            x_entries.extend(g_rows.iter().map(|(column, z)| Entry {
-                row: *row,
-                column: *column,
-                value: dot(y, z),
-            }));
+            let entry =
+                |(column, z): &(usize, Vec<f64>)| Entry { row: *row, column: *column, value: dot(y, z) };
+            entries.extend(h_rows.iter().map(entry));
+            x_entries.extend(g_rows.iter().map(entry));
         }
         for (row, y) in g_rows.iter() {
             s[*row] += dot(y, &y_f);
@@ -218,30 +207,52 @@ fn spread(
     }
 }
 
-/// Factors of M_c as it is.
-fn general_factor(m: &Matrix, block: &[usize], place: &[(usize, usize)]) -> Result<Lu, Defect> {
-    let mut a = DenseMatrix::zeros(block.len(), block.len());
-    for (k, &freedom) in block.iter().enumerate() {
-        for entry in m.rows_in(freedom..freedom + 1) {
-            a[(k, place[entry.column].1)] = entry.value;
-        }
-    }
-    Lu::new(a).map_err(|error| Defect::damaged("the mass matrix M", error.to_string(), WRITE_AGAIN))
+/// An independent block M_c of M, to be solved with.
+enum Factor {
+    /// L L^T = (M_c + M_c^T) / 2, and the size.
+    Lower(Vec<f64>, usize),
+    /// Of M_c as it is.
+    General(Lu),
 }
 
-/// Cholesky factor of (M_c + M_c^T) / 2.
-fn factorise(m: &Matrix, block: &[usize], place: &[(usize, usize)]) -> Result<Vec<f64>, Defect> {
-    let n = block.len();
-    let mut a = vec![0.0; n * n];
-    for (k, &freedom) in block.iter().enumerate() {
-        for entry in m.rows_in(freedom..freedom + 1) {
-            let l = place[entry.column].1;
-            a[k * n + l] += 0.5 * entry.value;
-            a[l * n + k] += 0.5 * entry.value;
+impl Factor {
+    /// y <- L^-1 y, or M_c^-1 y.
+    fn solve(&self, y: &mut [f64]) {
+        match self {
+            Self::Lower(factor, n) => dense::solve_lower(factor, *n, y),
+            Self::General(lu) => {
+                let n = y.len();
+                lu.solve_in_place(ViewMut::new(y, n, 1));
+            }
         }
     }
-    dense::cholesky(a, n).ok_or_else(|| {
-        let what = format!("is not positive definite (block of degree of freedom {})", block[0]);
-        Defect::damaged("the mass matrix M", what, WRITE_AGAIN)
-    })
+}
+
+/// Factors of M_c, whose symmetric part has to be positive definite.
+fn factorise(
+    m: &Matrix,
+    block: &[usize],
+    place: &[(usize, usize)],
+    is_asymmetric: bool,
+) -> Result<Factor, Defect> {
+    let n = block.len();
+    let entries = || {
+        let of_row = |(k, &freedom)| m.rows_in(freedom..freedom + 1).iter().map(move |entry| (k, entry));
+        block.iter().enumerate().flat_map(of_row).map(|(k, entry)| (k, place[entry.column].1, entry.value))
+    };
+    let mut a = vec![0.0; n * n];
+    for (k, l, value) in entries() {
+        a[k * n + l] += 0.5 * value;
+        a[l * n + k] += 0.5 * value;
+    }
+    let damaged = |what| Defect::damaged("the mass matrix M", what, WRITE_AGAIN);
+    let Some(lower) = dense::cholesky(a, n) else {
+        return Err(damaged(format!("is not positive definite (block of degree of freedom {})", block[0])));
+    };
+    if !is_asymmetric {
+        return Ok(Factor::Lower(lower, n));
+    }
+    let mut general = DenseMatrix::zeros(n, n);
+    entries().for_each(|(k, l, value)| general[(k, l)] = value);
+    Lu::new(general).map(Factor::General).map_err(|error| damaged(error.to_string()))
 }
