@@ -32,7 +32,7 @@
 //! With N d = N g velocities alone count, as over bodies: impulses are large wherever a heavy body rests on a
 //! light one. A ratio of masses of more than 1e10 is taken for a body that cannot move.
 //!
-//! The cones may be any: contacts that resist turning have a component more per row ([`apart`] says how they
+//! The cones may be any: contacts that resist turning have a component more per row (`apart` says how they
 //! are searched). Exact friction adds s >= 0 to u_n and has no solution where r has none without friction,
 //! u_n >= 0; that the relaxation has none proves nothing about it.
 //!
