@@ -528,6 +528,15 @@ impl World {
         }
     }
 
+    /// The arm of a force at a contact of the last step, of `step` s: the way to the point from where the
+    /// body's centre was when contacts were found, x - dt u (of the image that is nearest), m.
+    pub fn arm_to(&self, body: usize, point: Vec3, step: f64) -> Vec3 {
+        let way = self.way_to(body, point);
+        let image = point - self.bodies.position[body] - way;
+        let deforming = self.cell.as_ref().map_or(Vec3::ZERO, |cell| cell.gradient_times(image));
+        way + step * (self.bodies.velocity[body] + deforming)
+    }
+
     /// The image of body `b` that is nearest to body `a`: whole edges from `b`. None of planes.
     pub(crate) fn image_beside(&self, [a, b]: [u32; 2]) -> [i32; 3] {
         let [a, b] = [a as usize, b as usize];

@@ -34,9 +34,11 @@ impl ContactLoads {
                 continue;
             }
             let force = impulse / step;
-            for (body, force) in [(contact.body_a as usize, force), (contact.body_b as usize, -force)] {
+            let ends = contact.surface_points();
+            let bodies = [(contact.body_a as usize, force), (contact.body_b as usize, -force)];
+            for ((body, force), point) in bodies.into_iter().zip(ends) {
                 loads.force[body] += force;
-                loads.torque[body] += (contact.point - world.bodies.position[body]).cross(force);
+                loads.torque[body] += world.arm_to(body, point, step).cross(force);
                 loads.contacts[body] += 1;
             }
         }

@@ -206,7 +206,7 @@ fn build(stated: Stated) -> Result<ProblemFile, Defect> {
             "{name} has entries on one side of its diagonal only and is taken as one triangle of a symmetric matrix"
         )
     }));
-    let mut matrix_as_filed = None;
+    let mut matrix_as_filed;
     let rolling = raw.spread_rolling()?;
     let (mut delassus, mut r, points, friction, form, bodies, asymmetry) = match raw {
         RawProblem::Local(mut local) => {

@@ -17,7 +17,7 @@ pub struct Stress {
 /// Mean stress of the bodies that are meant, in a volume (m^3) that is theirs:
 ///
 /// ```text
-/// contact: s_ij = 1/V sum over bodies b, contacts c of b:  (x_b - p_c)_i f_j      f: force on b
+/// contact: s_ij = 1/V sum over bodies b, contacts c of b:  (x_b - p_c)_i f_j      f: force on b, x_b - p_c at the start
 /// kinetic: s_ij = 1/V sum m (u - U)_i (u - U)_j                                    U: velocity of their common centre of mass
 /// ```
 ///
@@ -29,7 +29,7 @@ pub fn stress(world: &World, step: f64, selected: &[bool], volume: f64) -> Stres
     for (c, impulse) in world.contacts.contacts.iter().zip(&world.contacts.impulse) {
         for (body, on, force) in ends(c, *impulse / step) {
             if selected[body] {
-                contact += outer(-world.way_to(body, on), force);
+                contact += outer(-world.arm_to(body, on, step), force);
             }
         }
     }
@@ -85,6 +85,21 @@ mod tests {
                 .abs()
                 < 1e-12
         );
+    }
+
+    /// A chain that moves on in the step, with contacts from its start: the same.
+    #[test]
+    fn a_chain_under_load_that_moves() {
+        let (mut world, step) = chain(3, 2.0);
+        let velocity = Vec3::new(3.0, -20.0, 7.0);
+        for body in 0..world.bodies.len() {
+            world.bodies.velocity[body] = velocity;
+            world.bodies.position[body] += step * velocity;
+        }
+        let all = selected(&world, None, None);
+        let found = stress(&world, step, &all, 1.5).contact;
+        let expected = Mat3::from_diagonal(Vec3::new(4.0, 0.0, 0.0));
+        assert!((found - expected).to_cols_array().iter().all(|x| x.abs() < 1e-12), "{found}");
     }
 
     /// Columns at rest on a floor: s_zz over the height is on average half the weight per area of the floor.

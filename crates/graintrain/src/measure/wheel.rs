@@ -70,7 +70,9 @@ pub fn wheel(world: &World, step: f64, rolling: &Rolling, selected: &[bool]) -> 
     let place = world.bodies.position[body];
     let mut bed = selected.to_vec();
     bed[body] = false;
-    let (force, torque) = force_on(world, step, &[rolling.body], None, place);
+    // Contacts are where they were at the start of the step.
+    let start = place - step * world.bodies.velocity[body];
+    let (force, torque) = force_on(world, step, &[rolling.body], None, start);
     let speed = world.bodies.velocity[body].dot(forward);
     let rate = world.bodies.angular_velocity[body].dot(rolling.axis);
     let (pull, torque) = (force.dot(forward), -torque.dot(rolling.axis));
@@ -129,12 +131,14 @@ mod tests {
     fn forces_slip_and_sinkage_of_a_known_wheel() {
         let (mut world, rolling) = bed();
         let (body, step) = (rolling.body.index(), 0.01);
+        let velocity = Vec3::new(0.8, 0.3, 0.0);
         world.gravity = Vec3::new(0.0, 0.0, -9.81);
         world.contacts.contacts.push(Contact {
             body_a: body as u32,
             body_b: 0,
             identity: 0,
-            point: Vec3::new(0.0, 0.0, 0.1),
+            // Under where the wheel was at the start of the step.
+            point: Vec3::new(0.0, 0.0, 0.1) - step * velocity,
             normal: Vec3::Z,
             gap: 0.0,
             lead: Vec3::ZERO,
@@ -144,7 +148,7 @@ mod tests {
         world.contacts.friction.push(0.5);
         let all = vec![true; world.bodies.len()];
         assert!(wheel(&world, step, &rolling, &all).slip.is_nan());
-        world.bodies.velocity[body] = Vec3::new(0.8, 0.3, 0.0);
+        world.bodies.velocity[body] = velocity;
         world.bodies.angular_velocity[body] = 2.0 * Vec3::Y;
         let found = wheel(&world, step, &rolling, &all);
         let expected = [0.2, 0.1, 4.0, 30.0, 2.0, 4.0 * 0.8 / (2.0 * 2.0)];
