@@ -719,3 +719,32 @@ fn what_rests_at_a_stop_has_converged() {
         assert!(report.solve.converged(), "{:?}", report.solve.remark);
     }
 }
+
+/// A motor with a limit that lifts a weight, or turns a wheel, at its speed until it meets its stop: from
+/// there on it pushes against the stop with all its force, and what holds the weight is both together.
+#[test]
+fn a_motor_with_a_limit_that_meets_its_stop_has_converged() {
+    for (step, friction) in [(1e-3, FrictionModel::Relaxed), (5e-3, FrictionModel::Coulomb)] {
+        for turns in [false, true] {
+            let mut world = earth();
+            let weight = lump(&mut world, Vec3::ZERO, 2.0, Vec3::splat(0.1));
+            let joint = if turns {
+                Joint::revolute(None, weight, Vec3::ZERO, Vec3::Z)
+            } else {
+                Joint::prismatic(None, weight, Vec3::ZERO, Vec3::Z)
+            };
+            let limit = Some(Profile::Constant(30.0));
+            let motor = Motor::Speed { speed: Profile::Constant(1.0), limit };
+            let joint = world.add_joint(joint.with_motor(motor).with_limits(None, Some(0.7))).unwrap();
+            let mut stepper = stepper(step, friction);
+            while world.time < 1.0 {
+                let report = stepper.step(&mut world).unwrap();
+                assert!(report.solve.converged(), "{} {:?}", world.time, report.solve.remark);
+            }
+            let state = world.joints()[joint.index()].state;
+            assert!((state.coordinate - 0.7).abs() < 1e-9 && state.rate.abs() < 1e-9, "{state:?}");
+            let held = if turns { 0.0 } else { 2.0 * GRAVITY };
+            assert!((state.drive - held).abs() < 1e-6, "{state:?}");
+        }
+    }
+}

@@ -82,12 +82,12 @@ impl Mechanisms<'_> {
                         let (impulse, target) = (impulse.unwrap_or(0.0), row.map_or(0.0, |row| row.target));
                         let missing =
                             target - along.rate_of(|body| self.velocity_of(mechanism, velocity, body));
-                        if impulse.abs() > most * (1.0 + CLEAR) {
-                            state.saturated = if impulse > 0.0 { 1 } else { -1 };
-                        } else if is_stopped && missing.abs() > (DRIVEN * wanted.abs()).max(CLEAR * scale) {
-                            // Against a stop its row depends on that of the stop, and gets no rate at any
-                            // force.
+                        if is_stopped && missing.abs() > (DRIVEN * wanted.abs()).max(CLEAR * scale) {
+                            // Against a stop its row depends on that of the stop: it gets no rate at any
+                            // force, and its own force says nothing.
                             state.saturated = if missing > 0.0 { 1 } else { -1 };
+                        } else if impulse.abs() > most * (1.0 + CLEAR) {
+                            state.saturated = if impulse > 0.0 { 1 } else { -1 };
                         }
                     }
                     side if f64::from(side) * (rate - wanted) > CLEAR * scale => state.saturated = 0,
