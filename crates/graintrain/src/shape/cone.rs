@@ -48,7 +48,7 @@ impl Cone {
     fn frustum(&self) -> Frustum {
         let [sum, first, _] = self.square_moments();
         let centre = self.height * first / sum;
-        Frustum { z: [-centre, self.height - centre], r: [self.radius, self.top_radius] }
+        Frustum::new([-centre, self.height - centre], [self.radius, self.top_radius])
     }
 }
 

@@ -31,7 +31,7 @@ pub(super) const LENGTHS: Lengths = Lengths {
 
 impl Cylinder {
     fn frustum(&self) -> Frustum {
-        Frustum { z: [-self.half_length, self.half_length], r: [self.radius; 2] }
+        Frustum::cylinder(self.half_length, self.radius)
     }
 }
 

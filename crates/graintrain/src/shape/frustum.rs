@@ -16,8 +16,13 @@ const UPRIGHT: f64 = 0.995;
 /// m. One radius may be zero.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Frustum {
-    pub z: [f64; 2],
-    pub r: [f64; 2],
+    z: [f64; 2],
+    r: [f64; 2],
+    /// Components of the mantle's outward normal away from the axis and along it.
+    out: f64,
+    up: f64,
+    /// Length of the side.
+    side: f64,
 }
 
 /// The faces of a frustum.
@@ -30,35 +35,37 @@ enum Face {
 
 /// A vector's distance from the axis, and the direction in which it lies from there (`None` on the axis).
 fn radial(p: Vec3) -> (f64, Option<Vec3>) {
-    let rho = real::hypot(p.x, p.y);
+    let rho = p.truncate().length();
     (rho, (rho > 0.0).then(|| Vec3::new(p.x / rho, p.y / rho, 0.0)))
 }
 
 impl Frustum {
-    /// By how much it is narrower at the top than at the bottom, its height, and the length of its side, m.
-    fn side(&self) -> (f64, f64, f64) {
-        let (taper, height) = (self.r[0] - self.r[1], self.z[1] - self.z[0]);
-        (taper, height, real::hypot(taper, height))
+    pub(crate) fn new(z: [f64; 2], r: [f64; 2]) -> Self {
+        let (taper, height) = (r[0] - r[1], z[1] - z[0]);
+        let side = (taper * taper + height * height).sqrt();
+        Self { z, r, out: height / side, up: taper / side, side }
+    }
+
+    /// With sides along the axis.
+    pub(crate) fn cylinder(half_length: f64, radius: f64) -> Self {
+        Self { z: [-half_length, half_length], r: [radius; 2], out: 1.0, up: 0.0, side: 2.0 * half_length }
     }
 
     fn radius_at(&self, z: f64) -> f64 {
-        let (taper, height, _) = self.side();
-        self.r[0] - taper * ((z - self.z[0]) / height)
+        self.r[0] - self.up / self.out * (z - self.z[0])
     }
 
-    /// Components of the mantle's outward normal away from the axis and along it.
+    /// The mantle's outward normal: its components away from the axis and along it.
     pub(crate) fn mantle_normal(&self) -> (f64, f64) {
-        let (taper, height, side) = self.side();
-        (height / side, taper / side)
+        (self.out, self.up)
     }
 
-    /// Of a point at the distance `rho` from the axis: heights over the bottom, the top and the mantle, and
-    /// how far up the side its foot lies, from 0 to 1 on it.
+    /// Of a point at the distance `rho` from the axis: heights over the bottom, the top and the mantle, m, and
+    /// how far up the side its foot lies, m.
     fn heights(&self, rho: f64, z: f64) -> ([f64; 2], f64, f64) {
-        let (taper, height, side) = self.side();
-        let (out, up) = (rho - self.r[0], z - self.z[0]);
-        let over_mantle = (out * height + up * taper) / side;
-        ([-up, z - self.z[1]], over_mantle, (up * height - out * taper) / (side * side))
+        let (beyond, above) = (rho - self.r[0], z - self.z[0]);
+        let over_mantle = beyond * self.out + above * self.up;
+        ([-above, z - self.z[1]], over_mantle, above * self.out - beyond * self.up)
     }
 
     pub(crate) fn surface(&self) -> Surface {
@@ -71,7 +78,7 @@ impl Frustum {
     }
 
     pub(crate) fn reach(&self, direction: Vec3) -> f64 {
-        let across = real::hypot(direction.x, direction.y);
+        let across = direction.truncate().length();
         let end = |k: usize| self.r[k] * across + self.z[k] * direction.z;
         end(0).max(end(1))
     }
@@ -85,10 +92,7 @@ impl Frustum {
         let away = away.unwrap_or(Vec3::X);
         let (over_end, over_mantle, along) = self.heights(rho, c.z);
         let end_normal = |k: usize| if k == 0 { -Vec3::Z } else { Vec3::Z };
-        let mantle_normal = || {
-            let (out, up) = self.mantle_normal();
-            out * away + up * Vec3::Z
-        };
+        let mantle_normal = || self.out * away + self.up * Vec3::Z;
         let highest = if over_end[0] > over_end[1] { 0 } else { 1 };
         if over_end[highest].max(over_mantle) <= 0.0 {
             return if over_mantle > over_end[highest] {
@@ -100,34 +104,33 @@ impl Frustum {
         if over_end[highest] > 0.0 && rho <= self.r[highest] {
             return Distance { value: over_end[highest], normal: end_normal(highest) };
         }
-        if over_mantle > 0.0 && (0.0..=1.0).contains(&along) {
+        if over_mantle > 0.0 && (0.0..=self.side).contains(&along) {
             return Distance { value: over_mantle, normal: mantle_normal() };
         }
         // Nearest to a rim: where the point is above the mantle, the one beyond which its foot lies.
         let rim = if over_mantle > 0.0 { usize::from(along > 0.0) } else { highest };
         let (across, up) = (rho - self.r[rim], c.z - self.z[rim]);
-        let value = real::hypot(across, up);
+        let value = (across * across + up * up).sqrt();
         Distance { value, normal: (across * away + up * Vec3::Z) / value }
     }
 
     /// Borders of the spaces over its faces: of the mantle (planes, or cones through the rims), of the ends
     /// (cylinders through the rims).
     pub(crate) fn crossings(&self, centre: Vec3, half_axis: Vec3) -> Vec<f64> {
-        let (taper, height, _) = self.side();
         let mut found = Vec::with_capacity(8);
         for (k, z) in self.z.into_iter().enumerate() {
-            if taper == 0.0 {
+            if self.up == 0.0 {
                 let t = (z - centre.z) / half_axis.z;
                 found.push(if t.is_finite() { t } else { f64::INFINITY });
             } else {
-                // rho = r + (z - z_rim) height / taper: a cone about the axis.
-                let slope = height / taper;
+                // rho = r + (z - z_rim) out / up: a cone about the axis.
+                let slope = self.out / self.up;
                 let at_centre = self.r[k] + (centre.z - z) * slope;
                 found.extend(roots(centre, half_axis, at_centre, slope * half_axis.z));
             }
         }
         found.extend(roots(centre, half_axis, self.r[0], 0.0));
-        if taper != 0.0 {
+        if self.up != 0.0 {
             found.extend(roots(centre, half_axis, self.r[1], 0.0));
         }
         found
@@ -175,11 +178,7 @@ impl Frustum {
         let (rho, _) = radial(p);
         let (over_end, over_mantle, along) = self.heights(rho, p.z);
         let highest = if over_end[0] > over_end[1] { 0 } else { 1 };
-        if over_mantle > over_end[highest] {
-            along.min(1.0 - along) * self.side().2
-        } else {
-            self.r[highest] - rho
-        }
+        if over_mantle > over_end[highest] { along.min(self.side - along) } else { self.r[highest] - rho }
     }
 
     /// The point of the surface at the same height in the direction in which a plane with this normal lies;
@@ -191,13 +190,13 @@ impl Frustum {
     }
 
     pub(crate) fn in_library(&self, unit: f64) -> Convex<'static> {
-        Convex::Round(Self { z: self.z.map(|z| z / unit), r: self.r.map(|r| r / unit) })
+        let lengths = |pair: [f64; 2]| pair.map(|length| length / unit);
+        Convex::Round(Self { z: lengths(self.z), r: lengths(self.r), side: self.side / unit, ..*self })
     }
 
     fn face_toward(&self, direction: Vec3) -> Face {
-        let (out, up) = self.mantle_normal();
         let end = usize::from(direction.z >= 0.0);
-        let of_mantle = out * real::hypot(direction.x, direction.y) + up * direction.z;
+        let of_mantle = self.out * direction.truncate().length() + self.up * direction.z;
         if of_mantle > MANTLE * direction.length() || self.r[end] == 0.0 {
             Face::Mantle
         } else {
