@@ -243,7 +243,7 @@ const ENERGY: &[Column] = &[
     column("work_gravity", "J", "of the whole world since the beginning: work of gravity"),
     column("work_loads", "J", "likewise: work of external forces and torques"),
     column("work_drives", "J", "likewise: work of prescribed motions"),
-    column("work_joints", "J", "likewise: work of the motors, springs and dampers of joints"),
+    column("work_joints", "J", "likewise: work of the motors, springs, dampers and stops of joints"),
     column("lost_friction", "J", "likewise: taken by friction"),
     column("lost_normal", "J", "likewise: taken by normal impulses"),
     column("overlap_energy", "J", "likewise: given against gravity by the removal of overlap"),

@@ -203,7 +203,7 @@ quantities! {
         correction_energy: f64 = sum;
     load_work: "J", "work of external forces and torques besides gravity, dt f (u + u+) / 2", |r| r.ledger.loads;
         load_work: f64 = sum;
-    joint_work: "J", "work of the motors, springs and dampers of joints", |r| r.ledger.joints;
+    joint_work: "J", "work of the motors, springs, dampers and stops of joints", |r| r.ledger.joints;
         joint_work: f64 = sum;
     kinetic_energy: "J", "of the bodies that forces can move, at the end of the step", |r| r.kinetic_energy; ;
     seconds_collide: "s", "wall clock: finding contacts", |r| r.phases.collide; ;

@@ -58,7 +58,7 @@ pub struct Ledger {
     pub loads: f64,
     /// Work of prescribed motions.
     pub drives: f64,
-    /// Work of joints: of motors, springs and dampers, and nothing but rounding of what only holds.
+    /// Work of joints: of motors, springs, dampers and stops, and nothing but rounding of what only holds.
     pub joints: f64,
     /// Taken by friction, that of rolling and spinning included.
     pub friction: f64,

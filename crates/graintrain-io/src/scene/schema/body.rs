@@ -45,7 +45,7 @@ pub(super) static BODY: Table = Table {
             Vector(D::SPEED),
             "[0, 0, 0]",
             "[\"1 m/s\", 0, 0]",
-            "Initial velocity of the centre of mass",
+            "Initial velocity of the centre of mass (in a periodic cell relative to its deformation)",
         ),
         key(
             "angular_velocity",
