@@ -60,8 +60,8 @@ impl Frustum {
         (self.out, self.up)
     }
 
-    /// Of a point at the distance `rho` from the axis: heights over the bottom, the top and the mantle, m, and
-    /// how far up the side its foot lies, m.
+    /// Of a point at the distance `rho` from the axis: heights over the bottom, the top and the mantle, m,
+    /// and how far up the side its foot lies, m.
     fn heights(&self, rho: f64, z: f64) -> ([f64; 2], f64, f64) {
         let (beyond, above) = (rho - self.r[0], z - self.z[0]);
         let over_mantle = beyond * self.out + above * self.up;
