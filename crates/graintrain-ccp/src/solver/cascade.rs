@@ -18,11 +18,11 @@
 //!
 //! **Exact friction.** `apgs` and `apgd` treat it in their iterations ([`CcpSolver::solve_exact`]). The
 //! problem has no objective, and any of them may circle where another gets on. So they hold a race: a turn of
-//! each, from where the one before ended, then it is the turn of the one that gained most per iteration in
-//! its last. Where their systems are small, a piece of the [path](super::path_following) comes between. Where
-//! nobody gains any more come the search for a proof that the problem without friction has no solution (then
-//! this one has none), the whole path from large tau, and last the [fixed point](super::fixed_point) on the
-//! convex problem with the shift held.
+//! each, from where the one before ended, one from none, then it is the turn of the one that gained
+//! most per iteration in its last. Where their systems are small, a piece of the
+//! [path](super::path_following) comes between. Where nobody gains any more come the search for a proof that
+//! the problem without friction has no solution (then this one has none), the whole path from large tau, and
+//! last the [fixed point](super::fixed_point) on the convex problem with the shift held.
 
 use super::accelerated_sweeps::AcceleratedSweeps;
 use super::apgd::Apgd;

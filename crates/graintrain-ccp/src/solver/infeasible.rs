@@ -40,7 +40,7 @@
 //!
 //! Marginal problems: whether a V of 1e5 means "no solution" or "bodies thrown at 1e5 times the speed they
 //! meet with" is a matter of taste, not of mathematics. A solver says
-//! [`Status::Infeasible`](super::Status::Infeasible) where V is at least [`CERTAIN`], or, after it failed in
+//! [`Status::Infeasible`] where V is at least [`CERTAIN`], or, after it failed in
 //! every other way, at least [`PROBABLE`]; below that it says that it stalled.
 
 mod apart;

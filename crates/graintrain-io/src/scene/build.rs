@@ -627,7 +627,10 @@ fn part(spec: &PartSpec) -> Result<Part, SceneError> {
 fn shape(spec: &ShapeSpec) -> Result<Part, SceneError> {
     let at = |shape, position, orientation| Part { shape, position, orientation };
     let shape = match *spec {
-        ShapeSpec::Lengths(ref spec) => (spec.form.make)(&spec.lengths),
+        ShapeSpec::Lengths(ref spec) => {
+            let made = spec.form.shape(&spec.lengths);
+            made.map_err(|error| SceneError::new(SceneErrorKind::Contradiction(error.to_string()), None))?
+        }
         ShapeSpec::Box { size } => Shape::Box(Cuboid { half: 0.5 * size }),
         ShapeSpec::Plane { normal } => {
             return Ok(at(Shape::Plane(HalfSpace), Vec3::ZERO, Quat::from_rotation_arc(Vec3::Z, normal)));

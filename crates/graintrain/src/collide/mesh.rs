@@ -1,9 +1,9 @@
-//! Contacts of spheres, capsules, boxes, cylinders and hulls with a triangle mesh.
+//! Contacts of all other shapes with a triangle mesh.
 //!
 //! Every triangle near the body gives contacts of its own; then contacts that exist only because the mesh is
 //! cut into triangles are removed. A contact on an edge or corner is real only if it is a local minimum of
 //! the distance to the whole surface, that is if every triangle that shares the edge or corner gives the same
-//! nearest point. For the flat faces of boxes, cylinders and hulls: if the surface does not rise along the
+//! nearest point. For what has flat faces: if the surface does not rise along the
 //! normal beyond the edge over which it tilts.
 
 use super::capsule::{capsule_contacts, triangle_crossings};
@@ -25,7 +25,8 @@ pub(crate) struct TriangleTree {
     /// Triangles around every vertex.
     around: TrianglesAround,
     tree: Bvh,
-    /// Whether it bounds a solid: bodies are on the outer sides of its triangles, wherever their centres are.
+    /// Whether it bounds a solid: a body is outside of all of it or inside of all of it, not on the side of
+    /// each triangle on which its centre is.
     solid: bool,
 }
 
@@ -126,11 +127,15 @@ impl TriangleTree {
         let mut near: Vec<u32> = self.tree.intersect_aabb(&around).collect();
         near.sort_unstable();
         let mut candidates: Vec<Candidate> = Vec::new();
+        let side = self.side_of_solid(&near, visitor.position);
         for &triangle in &near {
-            self.triangle_contacts(triangle, visitor, envelope, &mut candidates);
+            self.triangle_contacts(triangle, visitor, side, envelope, &mut candidates);
         }
+        // What looks into the solid is a contact with the far side of an edge.
+        candidates
+            .retain(|c| side.is_none_or(|side| side * self.face(c.triangle).dot(c.touch.normal) >= -LEVEL));
         if !matches!(visitor.shape, Shape::Sphere(_)) {
-            self.leave_surface(&mut candidates, visitor);
+            self.leave_surface(&mut candidates, visitor, side);
         }
         let real = candidates.iter().filter(|c| self.is_real(c, &candidates, visitor));
         touches.extend(real.map(|c| c.touch));
@@ -140,12 +145,13 @@ impl TriangleTree {
         &self,
         triangle: u32,
         visitor: &Visitor<'_>,
+        side: Option<f64>,
         envelope: f64,
         candidates: &mut Vec<Candidate>,
     ) {
-        let corners = self.corners[triangle as usize];
-        let face = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
-        let toward = self.side(face, visitor.position - corners[0]);
+        let (corners, face) = (self.corners[triangle as usize], self.face(triangle));
+        let height = face.dot(visitor.position - corners[0]);
+        let toward = if side.unwrap_or(height) < 0.0 { -face } else { face };
         let mut touches: Vec<Touch> = Vec::new();
         match *visitor.shape {
             Shape::Sphere(Sphere { radius }) => {
@@ -178,19 +184,34 @@ impl TriangleTree {
             }
         }
         for mut touch in touches {
-            if self.solid && face.dot(touch.normal) < -LEVEL {
-                continue;
-            }
             touch.feature = triangle_feature(triangle, touch.feature);
             let (foot, feature) = nearest_on_triangle(touch.point - 0.5 * touch.gap * touch.normal, corners);
             candidates.push(Candidate { touch, triangle, foot, feature });
         }
     }
 
-    /// The normal of a triangle on the side on which a body stays: that on which its centre is, of a solid
-    /// the outer one.
-    fn side(&self, face: Vec3, to_centre: Vec3) -> Vec3 {
-        if !self.solid && face.dot(to_centre) < 0.0 { -face } else { face }
+    /// The normal of the face of a triangle.
+    fn face(&self, triangle: u32) -> Vec3 {
+        let [a, b, c] = self.corners[triangle as usize];
+        (b - a).cross(c - a).normalize()
+    }
+
+    /// The side of a solid on which a point is, 1 outside and -1 inside: that of the nearest of these
+    /// triangles; of several as near, of the one that looks at it most. None of a surface.
+    fn side_of_solid(&self, near: &[u32], point: Vec3) -> Option<f64> {
+        let seen = near.iter().filter(|_| self.solid).map(|&triangle| {
+            let away = point - nearest_on_triangle(point, self.corners[triangle as usize]).0;
+            (away.length(), self.face(triangle).dot(away))
+        });
+        let nearer = |best: (f64, f64), next: (f64, f64)| {
+            let is_as_near = (next.0 - best.0).abs() <= LEVEL * best.0;
+            if is_as_near && next.1.abs() > best.1.abs() || !is_as_near && next.0 < best.0 {
+                next
+            } else {
+                best
+            }
+        };
+        seen.reduce(nearer).map(|(_, height)| 1.0_f64.copysign(height))
     }
 
     /// The other triangles that have these corners of a triangle.
@@ -200,12 +221,12 @@ impl TriangleTree {
         self.around.of(*first).iter().copied().filter(move |&other| other != triangle && has_all(other))
     }
 
-    /// Where the way from a point of a triangle along a direction leaves it: there, or where the way of a
-    /// point of its border leads out at once.
+    /// The edge or corner over which the way from a point along a direction leaves the triangle; `Face` where
+    /// it does not.
     fn exit(&self, triangle: u32, foot: Vec3, way: Vec3) -> TriangleFeature {
         let corners = self.corners[triangle as usize];
         let far = corners.iter().map(|corner| (*corner - foot).length()).fold(0.0, f64::max);
-        let face = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
+        let face = self.face(triangle);
         let way = way.reject_from(face).normalize_or_zero();
         // Along the way to the first border; a hair beyond it the nearest feature is where it left.
         let borders = (0..3).filter_map(|k| {
@@ -248,10 +269,10 @@ impl TriangleTree {
     /// faces, or rough where bodies barely touch), it becomes that; and so where the body overlaps the
     /// triangle and lies over it: the least way out of one triangle may lead along the surface, out of the
     /// surface it does not.
-    fn leave_surface(&self, candidates: &mut Vec<Candidate>, visitor: &Visitor<'_>) {
+    fn leave_surface(&self, candidates: &mut Vec<Candidate>, visitor: &Visitor<'_>, side: Option<f64>) {
         candidates.retain_mut(|candidate| {
             let corners = self.corners[candidate.triangle as usize];
-            let face = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
+            let face = self.face(candidate.triangle);
             let cosine = face.dot(candidate.touch.normal);
             if cosine.abs() > 1.0 - 0.5 * LEVEL * LEVEL || !self.rises_along(candidate) {
                 return true;
@@ -259,14 +280,16 @@ impl TriangleTree {
             let touch = &mut candidate.touch;
             let overlap = (-touch.gap).max(0.0);
             let on_body = touch.point + 0.5 * touch.gap * touch.normal;
-            touch.normal = self.side(face, visitor.position - corners[0]);
+            // A normal along the surface does not tell the side.
+            let is_face = cosine.abs() > NEARLY;
+            let height = if is_face { cosine } else { face.dot(visitor.position - corners[0]) };
+            touch.normal = if side.unwrap_or(height) < 0.0 { -face } else { face };
             let on_body = visitor.foremost_around(on_body, touch.normal);
             touch.gap = touch.normal.dot(on_body - corners[0]);
             touch.point = on_body - 0.5 * touch.gap * touch.normal;
             let foot = on_body - touch.gap * touch.normal;
             let beside = (nearest_on_triangle(foot, corners).0 - foot).length();
-            overlap > 0.0 && beside <= overlap + LEVEL * visitor.shape.bounding_radius()
-                || cosine.abs() > NEARLY
+            is_face || overlap > 0.0 && beside <= overlap + LEVEL * visitor.shape.bounding_radius()
         });
     }
 

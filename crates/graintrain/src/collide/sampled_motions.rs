@@ -52,6 +52,11 @@ fn cone(top_radius: f64) -> Shape {
     Shape::Cone(Cone { height: 0.6, radius: 0.3, top_radius })
 }
 
+/// Its mantle is nearer to level than 30 degrees.
+fn flat_cone() -> Shape {
+    Shape::Cone(Cone { height: 0.1, radius: 0.8, top_radius: 0.5 })
+}
+
 /// Points of the surface, edges and corners among them.
 fn surface(shape: &Shape) -> Vec<Vec3> {
     let n = 24;
@@ -211,6 +216,7 @@ fn motions_that_the_contacts_allow_do_not_overlap() {
         ("capsule-blunt cone", capsule(), cone(0.4), 0.1),
         ("cone-box", cone(0.0), wide_block(), 0.3),
         ("blunt cone-box", cone(0.4), wide_block(), 0.3),
+        ("box-flat cone", block(), flat_cone(), 0.3),
         ("cone-cylinder", cone(0.0), cylinder(), 0.3),
         ("cone-blunt cone", cone(0.0), cone(0.4), 0.3),
         ("cone-hull", cone(0.0), stone(), 0.3),

@@ -1,6 +1,6 @@
 //! Capsules.
 
-use super::{Cylinder, Distance, Form, Length, Lengths, Shape, Sphere, Surface};
+use super::{Cylinder, Distance, Form, Length, Lengths, Shape, Sphere, Surface, at_plane};
 use crate::error::{ModelError, length};
 use crate::math::{Mat3, Vec3};
 use graintrain_linalg::real;
@@ -88,11 +88,7 @@ impl Form for Capsule {
 
     /// The end planes of its segment.
     fn crossings(&self, centre: Vec3, half_axis: Vec3) -> Vec<f64> {
-        let plane = |border: f64| {
-            let t = (border - centre.z) / half_axis.z;
-            if t.is_finite() { t } else { f64::INFINITY }
-        };
-        vec![plane(-self.half_length), plane(self.half_length)]
+        [-1.0, 1.0].map(|end| at_plane(end * self.half_length, centre.z, half_axis.z)).to_vec()
     }
 
     fn lowest_points(&self, _down: Vec3, each: &mut dyn FnMut(Vec3, f64, u64)) {

@@ -1,7 +1,7 @@
 //! Boxes.
 
 use super::library::Convex;
-use super::{Corners, Distance, Form, Shape, Surface};
+use super::{Corners, Distance, Form, Shape, Surface, at_plane};
 use crate::error::{ModelError, length};
 use crate::math::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -87,11 +87,10 @@ impl Form for Cuboid {
 
     /// The planes of its faces.
     fn crossings(&self, centre: Vec3, half_axis: Vec3) -> Vec<f64> {
-        let plane = |axis: usize, border: f64| {
-            let t = (border - centre[axis]) / half_axis[axis];
-            if t.is_finite() { t } else { f64::INFINITY }
+        let planes = |axis: usize| {
+            [-1.0, 1.0].map(|side| at_plane(side * self.half[axis], centre[axis], half_axis[axis]))
         };
-        (0..3).flat_map(|axis| [-1.0, 1.0].map(|side| plane(axis, side * self.half[axis]))).collect()
+        (0..3).flat_map(planes).collect()
     }
 
     /// The four corners of the face that looks down most.

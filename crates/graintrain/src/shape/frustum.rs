@@ -1,7 +1,7 @@
 //! Solids of revolution with straight sides: what cylinders and cones have in common.
 
 use super::library::Convex;
-use super::{Corners, Distance, Surface};
+use super::{Corners, Distance, Surface, at_plane};
 use crate::math::Vec3;
 use graintrain_linalg::real;
 use parry3d_f64::shape::{PackedFeatureId, PolygonalFeature, PolygonalFeatureMap, SupportMap};
@@ -11,6 +11,10 @@ const MANTLE: f64 = 0.866_025_403_784_438_6;
 
 /// Cosine of an angle to the axis, 6 degrees, up to which a normal may be that of an end.
 const UPRIGHT: f64 = 0.995;
+
+/// Sine of the taper up to which a frustum has the borders of a cylinder: those of cones are lost in
+/// rounding.
+const LEVEL: f64 = 1e-6;
 
 /// Circular frustum about the z axis: discs from the radius `r[0]` at the height `z[0]` to `r[1]` at `z[1]`,
 /// m. One radius may be zero.
@@ -69,12 +73,10 @@ impl Frustum {
     }
 
     pub(crate) fn surface(&self) -> Surface {
-        Surface::of_revolution(&[
-            (0.0, self.z[0]),
-            (self.r[0], self.z[0]),
-            (self.r[1], self.z[1]),
-            (0.0, self.z[1]),
-        ])
+        let ends = [0, 1].map(|end| (self.r[end], self.z[end]));
+        let [bottom, top] = self.z.map(|z| (0.0, z));
+        let rims = ends.into_iter().filter(|(radius, _)| *radius > 0.0);
+        Surface::of_revolution(&[bottom].into_iter().chain(rims).chain([top]).collect::<Vec<_>>())
     }
 
     pub(crate) fn reach(&self, direction: Vec3) -> f64 {
@@ -119,9 +121,8 @@ impl Frustum {
     pub(crate) fn crossings(&self, centre: Vec3, half_axis: Vec3) -> Vec<f64> {
         let mut found = Vec::with_capacity(8);
         for (k, z) in self.z.into_iter().enumerate() {
-            if self.up == 0.0 {
-                let t = (z - centre.z) / half_axis.z;
-                found.push(if t.is_finite() { t } else { f64::INFINITY });
+            if self.up.abs() <= LEVEL {
+                found.push(at_plane(z, centre.z, half_axis.z));
             } else {
                 // rho = r + (z - z_rim) out / up: a cone about the axis.
                 let slope = self.out / self.up;
@@ -130,7 +131,7 @@ impl Frustum {
             }
         }
         found.extend(roots(centre, half_axis, self.r[0], 0.0));
-        if self.up != 0.0 {
+        if self.up.abs() > LEVEL {
             found.extend(roots(centre, half_axis, self.r[1], 0.0));
         }
         found
@@ -197,11 +198,8 @@ impl Frustum {
     fn face_toward(&self, direction: Vec3) -> Face {
         let end = usize::from(direction.z >= 0.0);
         let of_mantle = self.out * direction.truncate().length() + self.up * direction.z;
-        if of_mantle > MANTLE * direction.length() || self.r[end] == 0.0 {
-            Face::Mantle
-        } else {
-            Face::End(end)
-        }
+        let is_near = of_mantle > MANTLE * direction.length() && of_mantle > direction.z.abs();
+        if is_near || self.r[end] == 0.0 { Face::Mantle } else { Face::End(end) }
     }
 
     /// The point of the mantle beside this point of it, where its outward normal is such a one.

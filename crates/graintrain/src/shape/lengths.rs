@@ -1,6 +1,7 @@
 //! How files and other languages describe a shape that lengths alone make.
 
 use super::Shape;
+use crate::error::ModelError;
 
 /// A shape that lengths alone describe.
 #[derive(Debug)]
@@ -13,10 +14,24 @@ pub struct Lengths {
     pub meaning: &'static str,
     /// The lengths as a table, for pages.
     pub example: &'static str,
-    /// The lengths, in the order of `make`.
+    /// The lengths, in their order.
     pub lengths: &'static [Length],
-    /// The shape of these lengths, m.
-    pub make: fn(&[f64]) -> Shape,
+    /// The shape of as many lengths, m.
+    pub(super) make: fn(&[f64]) -> Shape,
+}
+
+impl Lengths {
+    /// The shape of these lengths, m, in their order. They are not checked ([`Shape::validate`]).
+    ///
+    /// # Errors
+    /// [`ModelError::Table`] for another number of lengths.
+    pub fn shape(&self, lengths: &[f64]) -> Result<Shape, ModelError> {
+        if lengths.len() != self.lengths.len() {
+            let what = format!("a {} has {} lengths, not {}", self.name, self.lengths.len(), lengths.len());
+            return Err(ModelError::Table { what });
+        }
+        Ok((self.make)(lengths))
+    }
 }
 
 /// A length of a shape.

@@ -1,6 +1,6 @@
 //! Shapes, one file each, and geometries made of one or more of them.
 //!
-//! A shape is what its [`Form`] says: its mass, its extent, its distance from a point, its corners, its
+//! A shape is what its `Form` says: its mass, its extent, its distance from a point, its corners, its
 //! surface. All else (contacts, bounds, pictures, scene files) is made from that. A new shape is a file with
 //! a `Form` and a line of `shapes!`.
 
@@ -117,6 +117,12 @@ pub(crate) trait Form {
     fn foremost_around(&self, _point: Vec3, _normal: Vec3) -> Option<Vec3> {
         None
     }
+}
+
+/// The t at which a coordinate `start + t * rate` is that of a border; infinite where it never is.
+fn at_plane(border: f64, start: f64, rate: f64) -> f64 {
+    let t = (border - start) / rate;
+    if t.is_finite() { t } else { f64::INFINITY }
 }
 
 /// Signed distance from a point to a surface and the direction in which it grows fastest.

@@ -527,3 +527,38 @@ fn a_box_slides_off_a_solid_mesh_as_off_a_hull() {
     }
     assert!((energies[1] / energies[0] - 1.0).abs() < 5e-3, "{energies:?}");
 }
+
+/// A disc whose centre lies beyond the border of a sheet tips over it as over the edge of a box; a ball and a
+/// cube in a closed shell rest on its bottom, whether it counts as a solid or not.
+#[test]
+fn discs_tip_over_borders_and_bodies_stay_in_shells() {
+    let half = Vec3::new(0.2, 0.2, 0.05);
+    let tables = [false, true].map(|as_box| {
+        let (vertices, triangles) = brick(half, 1);
+        let top = 8..12;
+        let sheet = || Geometry::mesh(vertices.clone(), triangles[top.clone()].to_vec());
+        let table = if as_box { Geometry::cuboid(half) } else { sheet() };
+        let disc = Geometry::cylinder(0.0025, 0.2).unwrap();
+        let start = (Vec3::new(0.23, 0.003, 0.0525), Vec3::ZERO);
+        let (world, body) =
+            after_fall(table.unwrap(), disc, Quat::IDENTITY, start, 200, FrictionModel::Coulomb);
+        (world.bodies.position[body], world.bodies.angular_velocity[body])
+    });
+    let [sheet, table] = tables;
+    assert!(table.0.z < -0.1 && (sheet.0 - table.0).length() < 5e-3, "{tables:?}");
+    assert!((sheet.1 - table.1).length() < 2e-2 * table.1.length(), "{tables:?}");
+    for solid in [false, true] {
+        for form in [Geometry::sphere(0.1), Geometry::cuboid(Vec3::splat(0.1))] {
+            let (vertices, triangles) = brick(Vec3::splat(0.5), 1);
+            let shell = if solid {
+                Geometry::solid_mesh(vertices, triangles).unwrap().0
+            } else {
+                Geometry::mesh(vertices, triangles).unwrap()
+            };
+            let start = (Vec3::new(0.1, 0.2, -0.35), Vec3::ZERO);
+            let turn = Quat::IDENTITY;
+            let (world, body) = after_fall(shell, form.unwrap(), turn, start, 200, FrictionModel::Coulomb);
+            assert!((world.bodies.position[body].z + 0.4).abs() < 1e-4, "{solid}");
+        }
+    }
+}
