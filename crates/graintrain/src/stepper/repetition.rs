@@ -172,8 +172,13 @@ impl Stepper {
             rounds.added += closed.len() + on_the_way.len();
             rounds.driven.extend(closed);
         }
-        rounds.kept.extend(on_the_way.iter().map(|c| c.identity));
-        rounds.contacts.extend(on_the_way);
+        // Of a contact that bodies meet elsewhere than its plane says, that is a further plane.
+        let known: HashSet<u64> = rounds.contacts.iter().map(|c| rounds.planes.of(c)).collect();
+        let (moved, new): (Vec<Contact>, Vec<Contact>) =
+            on_the_way.into_iter().partition(|c| known.contains(&c.identity));
+        rounds.kept.extend(new.iter().map(|c| c.identity));
+        rounds.contacts.extend(new);
+        rounds.kept.extend(rounds.planes.put(moved, &mut rounds.contacts));
         if !spurious.is_empty() {
             leave_out(&mut rounds.contacts, &spurious);
         }
@@ -282,8 +287,6 @@ impl Stepper {
         };
         let mut closed: Vec<Contact> = ahead.into_iter().zip(u.chunks_exact(3)).filter_map(meets).collect();
         if !closed.is_empty() {
-            let known: HashSet<u64> = contacts.iter().map(|c| c.identity).collect();
-            closed.retain(|c| !known.contains(&c.identity));
             let mut all = [contacts, &closed].concat();
             leave_covered_out(world, &self.collider, step, &mut all);
             closed.retain(|c| all.contains(c));
