@@ -54,11 +54,13 @@ def cross(a, b):
 
 
 class Frame:
-    def __init__(self, folder, step):
+    def __init__(self, folder, step, dt):
         bodies = read_vtp(folder / "frames" / f"bodies_{step:08}.vtp")
         self.place = dict(zip(bodies["body"], bodies["Points"]))
         for name in ("radius", "mass", "v", "omega"):
             setattr(self, name, dict(zip(bodies["body"], bodies[name])))
+        # Where the bodies were when the contacts were found: the arms of forces reach from there.
+        self.start = {b: [x - dt * v for x, v in zip(self.place[b], self.v[b])] for b in self.place}
         lines = read_vtp(folder / "frames" / f"contacts_{step:08}.vtp")
         points = lines.get("Points", [])
         self.contacts = []
@@ -109,7 +111,7 @@ def stress(frame, meant, spec):
     for contact in frame.contacts:
         for body, sign in zip(contact["bodies"], (1.0, -1.0)):
             if body in meant:
-                branch = minus(frame.place[body], contact["point"])
+                branch = minus(frame.start[body], contact["point"])
                 for i in range(3):
                     for j in range(3):
                         tensor[i][j] += sign * branch[i] * contact["force"][j] / space
@@ -269,7 +271,8 @@ def main():
     columns = json.loads((folder / "columns.json").read_text())
     numbers = {name: k for k, name in enumerate(scene.get("body", {}))}
     frames = sorted(int(path.stem.split("_")[1]) for path in (folder / "frames").glob("contacts_*.vtp"))
-    frames = {step: Frame(folder, step) for step in frames if step > 0}
+    dt = scene["time"]["step"]
+    frames = {step: Frame(folder, step, dt) for step in frames if step > 0}
     compared, wrong = 0, 0
     for name, spec in scene.get("measure", {}).items():
         if spec.get("bodies") or spec.get("packings"):
