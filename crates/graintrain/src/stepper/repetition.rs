@@ -281,9 +281,12 @@ impl Stepper {
         before.exchange(world);
         let rows = contact_rows(world, &ahead);
         let u = relative_velocities(attempt.cell.as_ref(), &ahead, &rows, &attempt.velocity);
+        // Where a contact that is known ends less deep than the smaller body, its end shows it (`departed`).
+        let known: HashSet<u64> = contacts.iter().map(|c| c.identity).collect();
         let meets = |(c, u): (Contact, &[f64])| {
+            let depth = if known.contains(&c.identity) { 1.0 } else { self.parameters.repetition.undetected };
             let size = self.collider.contact_size(world, &c);
-            (c.gap.max(0.0) + step * u[0] < -self.parameters.repetition.undetected * size).then_some(c)
+            (c.gap.max(0.0) + step * u[0] < -depth * size).then_some(c)
         };
         let mut closed: Vec<Contact> = ahead.into_iter().zip(u.chunks_exact(3)).filter_map(meets).collect();
         if !closed.is_empty() {
