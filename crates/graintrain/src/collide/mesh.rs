@@ -3,8 +3,8 @@
 //! Every triangle near the body gives contacts of its own; then contacts that exist only because the mesh is
 //! cut into triangles are removed. A contact on an edge or corner is real only if it is a local minimum of
 //! the distance to the whole surface, that is if every triangle that shares the edge or corner gives the same
-//! nearest point. For what has flat faces: if the surface does not rise along the
-//! normal beyond the edge over which it tilts.
+//! nearest point. For what has flat faces: if the surface does not rise along the normal beyond the edge over
+//! which it tilts.
 
 use super::capsule::{capsule_contacts, triangle_crossings};
 use super::manifold::{Solid, manifold_contacts};

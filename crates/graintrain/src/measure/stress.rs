@@ -17,7 +17,7 @@ pub struct Stress {
 /// Mean stress of the bodies that are meant, in a volume (m^3) that is theirs:
 ///
 /// ```text
-/// contact: s_ij = 1/V sum over bodies b, contacts c of b:  (x_b - p_c)_i f_j      f: force on b, x_b - p_c at the start
+/// contact: s_ij = 1/V sum over bodies b, contacts c of b:  (x_b - p_c)_i f_j      f: force on b; x_b, p_c: at the start of the step
 /// kinetic: s_ij = 1/V sum m (u - U)_i (u - U)_j                                    U: velocity of their common centre of mass
 /// ```
 ///

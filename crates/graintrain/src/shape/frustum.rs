@@ -223,7 +223,10 @@ fn roots(centre: Vec3, half_axis: Vec3, at_centre: f64, growth: f64) -> [f64; 2]
     let linear = a.dot(c) - growth * at_centre;
     let constant = c.length_squared() - at_centre * at_centre;
     let discriminant = linear * linear - square * constant;
-    if square == 0.0 || discriminant <= 0.0 {
+    if square == 0.0 {
+        return [at_plane(0.0, constant, 2.0 * linear), f64::INFINITY];
+    }
+    if discriminant <= 0.0 {
         return [f64::INFINITY; 2];
     }
     let root = discriminant.sqrt();

@@ -4,7 +4,7 @@
 //! | found | then |
 //! |---|---|
 //! | a contact under way to an impact is closed all the same (`closed`) | it joins the problem |
-//! | a deflected body meets another on its way (`on_the_way`) | the contact where they meet joins |
+//! | a deflected body meets another on its way (`on_the_way`) | the contact where they meet joins, as a further plane where they have it |
 //! | bodies overlap at the end that had no contact (`undetected`) | their contacts join |
 //! | a contact ends far deeper than foreseen (`departed`) | it is linearised anew where it ends ([`carried_back`]) |
 //! | bodies were held apart that would pass without overlap (`spurious`) | their contacts are left out |
@@ -34,6 +34,10 @@ pub struct Parameters {
     /// A contact that ends in overlap by more than this fraction of the smaller body's size, and by so much
     /// more than foreseen, makes a new round too.
     pub departure: f64,
+    /// A deflected body that passes by more than this fraction of the smaller one's size through the plane at
+    /// which it meets another one, of a contact that holds them apart elsewhere, makes one as well. Less
+    /// shows at the end.
+    pub passed: f64,
     /// A contact is spurious if the bodies, without it, overlap on their way by no more than this fraction
     /// of what it foresees.
     pub spurious: f64,
@@ -56,6 +60,7 @@ impl Default for Parameters {
         Self {
             undetected: 5e-4,
             departure: 5e-3,
+            passed: 1.0,
             spurious: 0.2,
             fallen: 0.1,
             rounds: 30,
@@ -63,6 +68,10 @@ impl Default for Parameters {
             joint_rounds: 12,
         }
     }
+}
+
+fn identities(contacts: &[Contact]) -> HashSet<u64> {
+    contacts.iter().map(|c| c.identity).collect()
 }
 
 /// Contacts that were linearised anew in a step. The first time the new plane takes the place of the old one;
@@ -137,6 +146,15 @@ impl Rounds {
     pub(super) fn of(contacts: Vec<Contact>) -> Self {
         Self { contacts, ..Self::default() }
     }
+
+    /// Adds contacts that bodies meet on their way; of one that they have, a further plane.
+    fn join(&mut self, met: Vec<Contact>) {
+        let known = identities(&self.contacts);
+        let (moved, new): (Vec<_>, Vec<_>) = met.into_iter().partition(|c| known.contains(&c.identity));
+        self.kept.extend(new.iter().map(|c| c.identity));
+        self.contacts.extend(new);
+        self.kept.extend(self.planes.put(moved, &mut self.contacts));
+    }
 }
 
 impl Stepper {
@@ -172,13 +190,9 @@ impl Stepper {
             rounds.added += closed.len() + on_the_way.len();
             rounds.driven.extend(closed);
         }
-        // Of a contact that bodies meet elsewhere than its plane says, that is a further plane.
-        let known: HashSet<u64> = rounds.contacts.iter().map(|c| rounds.planes.of(c)).collect();
-        let (moved, new): (Vec<Contact>, Vec<Contact>) =
-            on_the_way.into_iter().partition(|c| known.contains(&c.identity));
-        rounds.kept.extend(new.iter().map(|c| c.identity));
-        rounds.contacts.extend(new);
-        rounds.kept.extend(rounds.planes.put(moved, &mut rounds.contacts));
+        if !on_the_way.is_empty() {
+            rounds.join(on_the_way);
+        }
         if !spurious.is_empty() {
             leave_out(&mut rounds.contacts, &spurious);
         }
@@ -281,10 +295,10 @@ impl Stepper {
         before.exchange(world);
         let rows = contact_rows(world, &ahead);
         let u = relative_velocities(attempt.cell.as_ref(), &ahead, &rows, &attempt.velocity);
-        // Where a contact that is known ends less deep than the smaller body, its end shows it (`departed`).
-        let known: HashSet<u64> = contacts.iter().map(|c| c.identity).collect();
+        let known = identities(contacts);
+        let Parameters { undetected, passed, .. } = self.parameters.repetition;
         let meets = |(c, u): (Contact, &[f64])| {
-            let depth = if known.contains(&c.identity) { 1.0 } else { self.parameters.repetition.undetected };
+            let depth = if known.contains(&c.identity) { passed } else { undetected };
             let size = self.collider.contact_size(world, &c);
             (c.gap.max(0.0) + step * u[0] < -depth * size).then_some(c)
         };
@@ -306,7 +320,7 @@ impl Stepper {
         if deep.is_empty() {
             return deep;
         }
-        let known: HashSet<u64> = contacts.iter().map(|c| c.identity).collect();
+        let known = identities(contacts);
         deep.into_iter().filter(|c| !known.contains(&c.identity)).collect()
     }
 
@@ -394,7 +408,7 @@ impl Stepper {
         ends: &[Contact],
         velocity: &[f64],
     ) -> Vec<Contact> {
-        let known: HashSet<u64> = contacts.iter().map(|c| c.identity).collect();
+        let known = identities(contacts);
         let mut pairs: Vec<[u32; 2]> = ends.iter().map(|c| [c.body_a, c.body_b]).collect();
         pairs.sort_unstable();
         pairs.dedup();

@@ -208,8 +208,8 @@ fn jointed(seed: u64, restitution: f64, friction: f64) -> World {
 /// With joints too, light bodies beside heavy ones that turn by up to a radian in a step: what energy gains
 /// over steps that converge (heights between two steps, where velocities belong to) stays below a 200th of
 /// what was there, with relaxed friction below a twentieth. (A step in which a body turns by more than that
-/// opens its joints and says so; of 100 scenes 7 gain more in such steps.) Velocities that do not lie along
-/// the joints, where impacts find them, gave twenty times of it.
+/// opens its joints and says so, and may gain more.) Velocities that do not lie along the joints, where
+/// impacts find them, gave twenty times of it.
 #[test]
 fn energy_never_rises_with_joints() {
     let mut worst = 0.0_f64;
