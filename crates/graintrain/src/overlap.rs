@@ -1,8 +1,10 @@
-//! Overlap is removed by displacements, not by velocities.
+//! Overlap is removed by displacements, and by velocities no larger than their errors.
 //!
-//! After the velocities of a step are known, contact i will have the gap `Phi_i + dt D_i,n^T v+`. Where that
-//! lies below what is allowed, bodies are displaced by the least (in the norm of the mass matrix) that mends
-//! it and makes no new overlap,
+//! By how far the error of one solve lets bodies approach, the next one has them part: in the contact problem
+//! b_n = max((Phi + kept) / dt, -[`parting`](Parameters::parting) tolerance |gravity| dt) where that is
+//! negative. More is displaced. After the velocities of a step are known, contact i will have the gap
+//! `Phi_i + dt D_i,n^T v+`. Where that lies below what is allowed, bodies are displaced by the least (in the
+//! norm of the mass matrix) that mends it and makes no new overlap,
 //!
 //! ```text
 //! min 1/2 dq^T M dq   subject to   Phi_i + dt D_i,n^T v+ + D_i,n^T dq >= target_i
@@ -30,6 +32,9 @@ use graintrain_ccp::{BodyInverseMass, FIXED, RigidContact};
 /// What corrections are tuned by. Values: docs/mechanics.md, "Overlap"; held by `tests/physics/trust.rs`.
 #[derive(Clone, Debug)]
 pub struct Parameters {
+    /// Bodies that overlap part in the contact problem at so many times the tolerance of |gravity| dt or
+    /// less: what errors of a solve let them approach, the next one takes back.
+    pub parting: f64,
     /// An overlap above this fraction of the smaller body's size starts a correction of its part.
     pub trigger: f64,
     /// The same per tolerance of the solve, where that is more: whoever asks for 1e-2 lets every step add
@@ -63,8 +68,9 @@ pub struct Parameters {
 impl Default for Parameters {
     fn default() -> Self {
         Self {
+            parting: 3.0,
             trigger: 5e-4,
-            trigger_per_tolerance: 0.2,
+            trigger_per_tolerance: 0.4,
             kept: 1e-4,
             per_step: 0.2,
             accident: 1e-2,

@@ -345,25 +345,32 @@ impl Collider {
         let margin = search.envelope.max(search.fall);
         let radius = me.form.bounding_radius;
         let similar = sorted.in_grid[body];
-        let Found { balls, others, .. } = found;
+        let Found { near, balls, others, .. } = found;
         balls.clear();
         others.clear();
         if similar {
-            let (grid, farthest) = (&sorted.grid, sorted.reach * sorted.reach);
+            let grid = &sorted.grid;
+            let farthest = radius + sorted.largest + margin + sorted.approach_of_any(body);
+            let farthest = farthest * farthest * (1.0 + 1e-9);
+            near.clear();
             grid.around(me.position, |range| {
+                // Without a branch: of what is near, which body has the higher number is anybody's guess.
+                let mut count = near.len();
+                near.resize(count + range.len(), 0);
                 for slot in range {
-                    // Most are further than any pair may be: of those nothing else is read.
                     let apart = (me.position - grid.centre[slot]).length_squared();
-                    let other = grid.body[slot];
-                    if apart > farthest || other as usize <= body {
-                        continue;
-                    }
-                    let reach = radius + grid.radius[slot] + margin + sorted.approach(body, other as usize);
-                    if apart <= reach * reach {
-                        balls.push(other);
-                    }
+                    near[count] = slot as u32;
+                    count += usize::from((apart <= farthest) & (grid.body[slot] as usize > body));
                 }
+                near.truncate(count);
             });
+            for &slot in near.iter() {
+                let (slot, other) = (slot as usize, grid.body[slot as usize]);
+                let reach = radius + grid.radius[slot] + margin + sorted.approach(body, other as usize);
+                if (me.position - grid.centre[slot]).length_squared() <= reach * reach {
+                    balls.push(other);
+                }
+            }
             balls.sort_unstable();
             if world.cell().is_some() {
                 balls.dedup();
@@ -405,7 +412,7 @@ impl Collider {
         let me = self.placed(world, body);
         let margin = search.envelope.max(search.fall);
         let prescribed = world.is_prescribed(body);
-        let Found { balls, others, touches, contacts } = found;
+        let Found { balls, others, touches, contacts, .. } = found;
         for &other in balls.iter().chain(others.iter()) {
             let pair = [body as u32, other];
             if prescribed && world.is_prescribed(other as usize) || sorted.is_ignored(pair) {
@@ -515,6 +522,8 @@ fn contact([body_a, body_b]: [u32; 2], touch: &Touch) -> Contact {
 /// Contacts of one task, with scratch.
 #[derive(Default)]
 struct Found {
+    /// Slots of the grid.
+    near: Vec<u32>,
     balls: Vec<u32>,
     others: Vec<u32>,
     touches: Vec<Touch>,

@@ -17,8 +17,8 @@ const SIMILAR: f64 = 2.5;
 /// Bodies by how their neighbours are found.
 pub(super) struct Sorted {
     pub(super) grid: Grid,
-    /// Edge of its cells, m: centres of bodies that may touch are no further apart.
-    pub(super) reach: f64,
+    /// The largest travel of the bodies in it, m.
+    farthest: Travel,
     /// How far the surface of each body may travel within the step, m: at rest, and in the frame that moves
     /// with the mean velocity.
     pub(super) travel: Vec<Travel>,
@@ -57,6 +57,12 @@ impl Sorted {
     pub(super) fn approach(&self, a: usize, b: usize) -> f64 {
         let (a, b) = (self.travel[a], self.travel[b]);
         (a.relative + b.relative).max(a.own.max(b.own).min(self.largest))
+    }
+
+    /// How much nearer this body and any one of the grid may come within the step, m.
+    pub(super) fn approach_of_any(&self, body: usize) -> f64 {
+        let (own, any) = (self.travel[body], self.farthest);
+        (own.relative + any.relative).max(own.own.max(any.own).min(self.largest))
     }
 
     /// Whether the two bodies may move by more than `far`, m, relative to each other within the step: `false`
@@ -140,13 +146,13 @@ impl Collider {
         let in_grid: Vec<bool> =
             (0..bodies).map(|body| radius(body) <= limit && travel[body].relative <= largest).collect();
         let (mut balls, mut large, mut unbounded) = (Vec::with_capacity(bodies), Vec::new(), Vec::new());
-        let (mut farthest, mut fastest) = (0.0_f64, 0.0_f64);
+        let mut farthest = Travel::default();
         for body in 0..bodies {
             let radius = radius(body);
-            fastest = fastest.max(travel[body].own);
             if in_grid[body] {
                 balls.push((body as u32, world.bodies.position[body], radius));
-                farthest = farthest.max(travel[body].relative);
+                farthest.own = farthest.own.max(travel[body].own);
+                farthest.relative = farthest.relative.max(travel[body].relative);
             } else if radius.is_finite() {
                 large.push(body as u32);
             } else {
@@ -155,7 +161,7 @@ impl Collider {
         }
         // Slightly larger than needed, so that rounding in the cell coordinates cannot lose a pair.
         let fall = world.largest_acceleration() * step * step;
-        let ahead = (2.0 * farthest).max(fastest.min(largest)) + envelope.max(fall);
+        let ahead = (2.0 * farthest.relative).max(farthest.own.min(largest)) + envelope.max(fall);
         let size = (2.0 * largest + ahead) * (1.0 + 1e-9);
         if let Some(cell) = world.cell() {
             let own = balls.len();
@@ -187,7 +193,7 @@ impl Collider {
             travel,
             deforms: world.cell().is_some(),
             grid: Grid::new(&balls, reach),
-            reach,
+            farthest,
             in_grid,
             largest,
             large,
