@@ -25,7 +25,7 @@ import subprocess
 import sys
 import tempfile
 
-os.environ["OMP_NUM_THREADS"] = "1"
+os.environ["OMP_NUM_THREADS"] = os.environ["RAYON_NUM_THREADS"] = "1"
 import numpy as np  # noqa: E402  (the number of threads comes first)
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
@@ -118,7 +118,7 @@ def graintrain(program, n, tolerance, folder, options=()):
     overlaps = [overlap(positions(frame), side) for frame in frames]
     again = json.load(open(os.path.join(sampled, "summary.json")))
     assert again["state_hash"] == summary["state_hash"], "the sampling run is not the same run"
-    name = "graintrain, exact friction" if "coulomb" in options else "graintrain"
+    name = "graintrain, relaxed friction" if "relaxed" in options else "graintrain"
     return {
         "program": name,
         "setting": f"25 ms, {tolerance}",
@@ -315,7 +315,7 @@ def compare(arguments):
         with tempfile.TemporaryDirectory() as folder:
             rows.append(graintrain(arguments.program, arguments.n, tolerance, folder))
     with tempfile.TemporaryDirectory() as folder:
-        rows.append(graintrain(arguments.program, arguments.n, "1e-3", folder, ("--friction", "coulomb")))
+        rows.append(graintrain(arguments.program, arguments.n, "1e-3", folder, ("--friction", "relaxed")))
     wanted = arguments.peers.split(",") if arguments.peers else list(PEERS)
     for name in wanted:
         if not installed(name):

@@ -97,17 +97,27 @@ pub struct FirstOrder<M> {
 
 /// A problem scaled and packed, in double or in single precision.
 trait Packed: Sized {
-    /// Of this problem, where that is possible, for sweeps or not; of several ranks, each does its share of
-    /// the passes.
-    fn of(problem: &Ccp, residual: &ResidualScale, sweeps: bool, ranks: Option<&Arc<Ranks>>) -> Option<Self>;
+    /// Of this problem, where that is possible, for sweeps from these impulses or for none; of several ranks,
+    /// each does its share of the passes.
+    fn of(
+        problem: &Ccp,
+        residual: &ResidualScale,
+        sweeps: Option<&[f64]>,
+        ranks: Option<&Arc<Ranks>>,
+    ) -> Option<Self>;
 
     /// Replaces r.
     fn replace_free_velocity(&mut self, r: &[f64]);
 }
 
 impl Packed for ScaledProblem {
-    fn of(problem: &Ccp, residual: &ResidualScale, sweeps: bool, ranks: Option<&Arc<Ranks>>) -> Option<Self> {
-        let make = if sweeps { Self::for_sweeps } else { Self::new };
+    fn of(
+        problem: &Ccp,
+        residual: &ResidualScale,
+        sweeps: Option<&[f64]>,
+        ranks: Option<&Arc<Ranks>>,
+    ) -> Option<Self> {
+        let make = if sweeps.is_some() { Self::for_sweeps } else { Self::new };
         let mut scaled = make(problem, residual);
         scaled.share_among(ranks);
         Some(scaled)
@@ -119,7 +129,12 @@ impl Packed for ScaledProblem {
 }
 
 impl Packed for SingleProblem {
-    fn of(problem: &Ccp, residual: &ResidualScale, sweeps: bool, ranks: Option<&Arc<Ranks>>) -> Option<Self> {
+    fn of(
+        problem: &Ccp,
+        residual: &ResidualScale,
+        sweeps: Option<&[f64]>,
+        ranks: Option<&Arc<Ranks>>,
+    ) -> Option<Self> {
         Self::new(problem, residual, sweeps, ranks)
     }
 
@@ -140,7 +155,12 @@ struct Prepared<P> {
 
 impl<P: Packed> Prepared<P> {
     /// The last one with another r, where nothing else differs, or a new one.
-    fn of(problem: &Ccp, ranks: Option<&Arc<Ranks>>, last: Option<Self>, sweeps: bool) -> Option<Self> {
+    fn of(
+        problem: &Ccp,
+        ranks: Option<&Arc<Ranks>>,
+        last: Option<Self>,
+        sweeps: Option<&[f64]>,
+    ) -> Option<Self> {
         if let Some(mut last) = last {
             let fits = last.delassus.is(&problem.delassus)
                 && last.velocity == velocity_scale(problem)
@@ -221,7 +241,8 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         }
         let start = impulse.to_vec();
         let ranks = limits.ranks().filter(|_| M::SHARED);
-        let prepared = Prepared::<ScaledProblem>::of(problem, ranks, self.prepared.take(), M::SWEEPS);
+        let sweeps = M::SWEEPS.then_some(&start[..]);
+        let prepared = Prepared::<ScaledProblem>::of(problem, ranks, self.prepared.take(), sweeps);
         let mut prepared = prepared.expect("every problem can be packed in double precision");
         let scaled = &mut prepared.packed;
         scaled.set_friction_model(model);
@@ -266,7 +287,8 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         begun: &mut Begun,
     ) -> Option<SolveReport> {
         let ranks = limits.ranks().filter(|_| M::SHARED);
-        let mut prepared = Prepared::<SingleProblem>::of(problem, ranks, self.single.take(), M::SWEEPS)?;
+        let sweeps = M::SWEEPS.then_some(last.as_deref().unwrap_or(impulse));
+        let mut prepared = Prepared::<SingleProblem>::of(problem, ranks, self.single.take(), sweeps)?;
         prepared.packed.set_friction_model(model);
         let start = impulse.to_vec();
         let mut it = SingleIterate::new(

@@ -276,7 +276,7 @@ mod tests {
     fn blocks_of_a_list_share_no_body() {
         let problem = row_of_bodies(40_000);
         let Delassus::Rigid(rigid) = &*problem.delassus else { unreachable!() };
-        let PackedBlocks { packing, lists } = pack_in_blocks(rigid, 8);
+        let PackedBlocks { packing, lists } = pack_in_blocks(rigid, 8, |_| false);
         let mut contacts = packing.contacts.clone();
         contacts.sort_unstable();
         assert!(contacts.into_iter().eq(0..80_000), "the packing is a permutation");

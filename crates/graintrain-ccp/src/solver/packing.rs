@@ -131,7 +131,7 @@ pub(super) fn pack(rigid: &RigidDelassus) -> Packing {
     let bodies = numbered(rigid);
     let mut contacts = sorted_by_bodies(rigid, &bodies);
     let chunks = contacts.par_chunks_mut(CHUNK * LANES);
-    chunks.for_each_init(|| Dealer::new(bodies.len()), Dealer::deal);
+    chunks.for_each_init(|| Dealer::new(bodies.len()), |dealer, chunk| dealer.deal(chunk, |_| false));
     Packing::of(rigid, contacts, bodies)
 }
 
@@ -199,8 +199,13 @@ pub(super) struct PackedBlocks {
 /// ```
 ///
 /// Blocks of one of the three lists share no body. r depends on the contacts alone, never on threads; small
-/// problems have one range. Cost: a sort of the contacts, as of [`pack`].
-pub(super) fn pack_in_blocks(rigid: &RigidDelassus, multiple: usize) -> PackedBlocks {
+/// problems have one range. Of every chunk, contacts that are idle come last, so that there are batches of
+/// nothing else. Cost: a sort of the contacts, as of [`pack`].
+pub(super) fn pack_in_blocks(
+    rigid: &RigidDelassus,
+    multiple: usize,
+    is_idle: impl Fn(u32) -> bool + Sync,
+) -> PackedBlocks {
     let bodies = numbered(rigid);
     let mut sorted = sorted_by_bodies(rigid, &bodies);
     let way = |pair: &Pair| if pair.higher == FIXED { 0 } else { u64::from(pair.higher - pair.lower) };
@@ -246,7 +251,8 @@ pub(super) fn pack_in_blocks(rigid: &RigidDelassus, multiple: usize) -> PackedBl
         chunks.extend(own.chunks_mut(CHUNK * LANES));
         rest = later;
     }
-    chunks.into_par_iter().for_each_init(|| Dealer::new(bodies.len()), Dealer::deal);
+    let deal = |dealer: &mut Dealer, chunk: &mut [Pair]| dealer.deal(chunk, &is_idle);
+    chunks.into_par_iter().for_each_init(|| Dealer::new(bodies.len()), deal);
     let mut lists = vec![blocks[..count].to_vec(), blocks[count..last].to_vec(), blocks[last..].to_vec()];
     lists.iter_mut().for_each(|list| list.retain(|block| !block.contacts.is_empty()));
     PackedBlocks { packing: Packing::of(rigid, sorted, bodies), lists }
@@ -267,9 +273,12 @@ impl Dealer {
         Self { group_of: vec![u32::MAX; bodies], group: 0, dealt, pool: Vec::with_capacity(POOL) }
     }
 
-    fn deal(&mut self, chunk: &mut [Pair]) {
+    /// Deals those out first that are not idle.
+    fn deal(&mut self, chunk: &mut [Pair], is_idle: impl Fn(u32) -> bool) {
         let Self { group_of, group, dealt, pool } = self;
-        let mut rest = chunk.iter().copied();
+        let is_idle = &is_idle;
+        let of = |idle: bool| chunk.iter().filter(move |pair| is_idle(pair.contact) == idle).copied();
+        let mut rest = of(false).chain(of(true));
         dealt.clear();
         while dealt.len() < chunk.len() {
             pool.extend(rest.by_ref().take(POOL - pool.len()));

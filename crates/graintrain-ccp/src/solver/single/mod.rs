@@ -175,17 +175,20 @@ fn arrangement(
 }
 
 impl SingleProblem {
-    /// Scales and packs a problem that [`suits`], for `ranks` that do the passes together what this one
-    /// needs. `None` where a number leaves the range of single precision.
+    /// Scales and packs a problem that [`suits`], for sweeps from these impulses or for none, for `ranks`
+    /// that do the passes together what this one needs. `None` where a number leaves the range of single
+    /// precision.
     pub(super) fn new(
         problem: &Ccp,
         residual: &ResidualScale,
-        sweeps: bool,
+        sweeps: Option<&[f64]>,
         ranks: Option<&Arc<Ranks>>,
     ) -> Option<Self> {
         let Delassus::Rigid(rigid) = &*problem.delassus else { return None };
-        let (packing, blocks) = if sweeps {
-            let PackedBlocks { packing, lists } = pack_in_blocks(rigid, EIGHT);
+        let (packing, blocks) = if let Some(start) = sweeps {
+            // What does not press at the start and would open by itself will hardly press.
+            let is_idle = |i: u32| start[3 * i as usize] == 0.0 && problem.r[3 * i as usize] > 0.0;
+            let PackedBlocks { packing, lists } = pack_in_blocks(rigid, EIGHT, is_idle);
             (packing, Some(lists))
         } else {
             (pack(rigid), None)

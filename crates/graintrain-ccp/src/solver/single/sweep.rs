@@ -37,7 +37,13 @@ pub(super) struct SweepScratch {
     windows: Vec<Octet>,
     /// Sums of each block of a list.
     sums: Vec<[f64; 2]>,
+    /// Sweeps that each batch is still passed over.
+    rests: Vec<u8>,
 }
+
+/// A batch whose contacts a sweep leaves without impulses is passed over in so many: most stay open. What
+/// presses all the same shows in the residual, which has every contact.
+const REST: u8 = 7;
 
 /// How a sweep is made.
 #[derive(Clone, Copy)]
@@ -103,6 +109,7 @@ impl Sweeps {
         SweepScratch {
             windows: vec![Octet::default(); operator.num_places + most],
             sums: vec![[0.0; 2]; most],
+            rests: vec![0; self.step.len()],
         }
     }
 
@@ -127,6 +134,7 @@ impl Sweeps {
                 previous: Rest::of(previous),
                 image: Rest::of(image),
                 window: Rest::of(&mut scratch.windows),
+                rests: Rest::of(&mut scratch.rests),
                 sums,
             };
             match &list[..] {
@@ -196,6 +204,7 @@ struct Slices<'a> {
     previous: Rest<'a, Batch<Octet>>,
     image: Rest<'a, Octet>,
     window: Rest<'a, Octet>,
+    rests: Rest<'a, u8>,
     sums: &'a mut [[f64; 2]],
 }
 
@@ -224,13 +233,15 @@ impl<'a> Slices<'a> {
                 let (previous, more_previous) = self.previous.split_at(batch);
                 let (image, more_image) = self.image.split_at(body);
                 let (window, more_window) = self.window.split_at(window_start(middle));
+                let (rests, more_rests) = self.rests.split_at(batch);
                 let (sums, more_sums) = self.sums.split_at_mut(middle);
-                let first = Slices { x, previous, image, window, sums };
+                let first = Slices { x, previous, image, window, rests, sums };
                 let second = Slices {
                     x: more_x,
                     previous: more_previous,
                     image: more_image,
                     window: more_window,
+                    rests: more_rests,
                     sums: more_sums,
                 };
                 rayon::join(
@@ -260,6 +271,7 @@ impl<'a> Slices<'a> {
             vectors: [self.x.range(&batches), self.previous.range(&batches)],
             image: self.image.range(&image),
             window: self.window.range(&window),
+            rests: self.rests.range(&batches),
             batches,
             bodies: block.bodies.clone(),
             sum: &mut self.sums[0],
@@ -292,6 +304,7 @@ struct Part<'a> {
     image: &'a mut [Octet],
     /// Where there are several blocks, room for the same with what is fixed.
     window: &'a mut [Octet],
+    rests: &'a mut [u8],
     sum: &'a mut [f64; 2],
 }
 
@@ -322,7 +335,7 @@ impl<G: Geometry, const EXACT: bool> SingleWork for PartOver<'_, '_, G, EXACT> {
     #[inline(always)]
     fn run<V: SingleVector>(self) {
         let Sweep { beta, relaxation, .. } = self.sweep;
-        let Part { sweeps, operator, batches, bodies, vectors, image, window, sum } = self.part;
+        let Part { sweeps, operator, batches, bodies, vectors, image, window, rests, sum } = self.part;
         let masses = operator.masses.within(bodies);
         if let Some((fixed, own)) = window.split_last_mut() {
             own.copy_from_slice(image);
@@ -335,29 +348,38 @@ impl<G: Geometry, const EXACT: bool> SingleWork for PartOver<'_, '_, G, EXACT> {
         let mut tally = SingleTally::<V>::default();
         *sum = [0.0; 2];
         for (offset, own) in self.geometry.iter().enumerate() {
-            if let Some(later) = self.geometry.get(offset + PREFETCH) {
-                V::prefetch(later);
+            let flushes = offset % CHUNK == CHUNK - 1 || offset + 1 == self.geometry.len();
+            if let Some(left) = rests[offset].checked_sub(1) {
+                rests[offset] = left;
+            } else {
+                if let Some(later) = self.geometry.get(offset + PREFETCH) {
+                    V::prefetch(later);
+                }
+                let batch = batches.start + offset;
+                let numbers = &operator.contacts[batch];
+                let step = V::splat(relaxation) * V::of(sweeps.step[batch]);
+                let (mu, r) = (V::of(numbers.mu), load(&numbers.r));
+                let (x, previous) = (&mut x[offset], &mut previous[offset]);
+                let places = &sweeps.places[batch];
+                for moves in &sweeps.moves[sweeps.first[batch] as usize..sweeps.first[batch + 1] as usize] {
+                    let u = own.relative([velocities(&places[0], known), velocities(&places[1], known)]);
+                    let y = extrapolated(x, previous, beta);
+                    let point = sub(&y, &scale(step, &add(&u, &r)));
+                    let tangential = tangential_length(&point);
+                    let new = match EXACT {
+                        true => within_disc(mu, &point, tangential),
+                        false => project_given(mu, &point, tangential),
+                    };
+                    let change = take([x, previous], [&y, &new], V::of(*moves), &mut tally.sum);
+                    let [p, on_a, on_b] = own.impulses(&change);
+                    push(places, &p, [&on_a, &on_b], masses, known);
+                }
+                let is_open = |normal: V| normal.octet().0.iter().all(|g| *g == 0.0);
+                if is_open(x[0]) && is_open(previous[0]) {
+                    rests[offset] = REST;
+                }
             }
-            let batch = batches.start + offset;
-            let numbers = &operator.contacts[batch];
-            let step = V::splat(relaxation) * V::of(sweeps.step[batch]);
-            let (mu, r) = (V::of(numbers.mu), load(&numbers.r));
-            let (x, previous) = (&mut x[offset], &mut previous[offset]);
-            let places = &sweeps.places[batch];
-            for moves in &sweeps.moves[sweeps.first[batch] as usize..sweeps.first[batch + 1] as usize] {
-                let u = own.relative([velocities(&places[0], known), velocities(&places[1], known)]);
-                let y = extrapolated(x, previous, beta);
-                let point = sub(&y, &scale(step, &add(&u, &r)));
-                let tangential = tangential_length(&point);
-                let new = match EXACT {
-                    true => within_disc(mu, &point, tangential),
-                    false => project_given(mu, &point, tangential),
-                };
-                let change = take([x, previous], [&y, &new], V::of(*moves), &mut tally.sum);
-                let [p, on_a, on_b] = own.impulses(&change);
-                push(places, &p, [&on_a, &on_b], masses, known);
-            }
-            if offset % CHUNK == CHUNK - 1 || offset + 1 == self.geometry.len() {
+            if flushes {
                 for (total, own) in sum.iter_mut().zip(&mut tally.sum) {
                     *total += own.octet().sum();
                     *own = V::default();
