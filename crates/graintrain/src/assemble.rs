@@ -20,8 +20,8 @@ const TASK: usize = 4096;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum OverlapCorrection {
-    /// Bodies that overlap may not approach, and part with no more than the error of the last solve;
-    /// positions are corrected apart from velocities (see [`crate::overlap`]), so that no energy is made.
+    /// Bodies that overlap may not approach, and part at less than the error of a solve; positions are
+    /// corrected apart from velocities (see [`crate::overlap`]), so that next to no energy is made.
     #[default]
     Position,
     /// Bodies that overlap have to part with the velocity that removes the overlap within the step, -Phi /

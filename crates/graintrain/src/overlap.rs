@@ -11,8 +11,8 @@
 //! ```
 //!
 //! whose optimality conditions are a contact problem without friction with the same N (solved to few digits
-//! by `projection`). The displacement leaves no velocity, so a state that came with overlaps gets no kinetic
-//! energy from them, whatever the step; what it does against gravity is reported.
+//! by `projection`). The displacement leaves no velocity, so a state that came with overlaps gets next to no
+//! kinetic energy from them, whatever the step; what removal does is reported.
 //!
 //! What a step adds to an overlap because bodies that turn are not where the linearised gap says (a disc that
 //! wobbles nearly flat changes the place where it stands by a tenth of a radian of its rim in a step) is
@@ -32,8 +32,8 @@ use graintrain_ccp::{BodyInverseMass, FIXED, RigidContact};
 /// What corrections are tuned by. Values: docs/mechanics.md, "Overlap"; held by `tests/physics/trust.rs`.
 #[derive(Clone, Debug)]
 pub struct Parameters {
-    /// Bodies that overlap part in the contact problem at so many times the tolerance of |gravity| dt or
-    /// less: what errors of a solve let them approach, the next one takes back.
+    /// Bodies that overlap part in the contact problem at this fraction of the tolerance times |gravity| dt,
+    /// or less. Below one: where bodies are held so that they cannot part, to stay is within the tolerance.
     pub parting: f64,
     /// An overlap above this fraction of the smaller body's size starts a correction of its part.
     pub trigger: f64,
@@ -68,7 +68,7 @@ pub struct Parameters {
 impl Default for Parameters {
     fn default() -> Self {
         Self {
-            parting: 3.0,
+            parting: 0.5,
             trigger: 5e-4,
             trigger_per_tolerance: 0.4,
             kept: 1e-4,

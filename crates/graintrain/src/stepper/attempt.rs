@@ -108,7 +108,7 @@ impl<'a> Posing<'a> {
     /// Leaves out the contacts along whose normals nothing can move, but for those that bodies are driven
     /// into; returned are their places among those of the step.
     fn leave_immobile_out(&mut self, driven: &HashSet<u64>) -> Vec<u32> {
-        let mut immobile = mobility::immobile(self.world, &self.problem, self.step);
+        let mut immobile = mobility::immobile(self.world, &self.problem, &self.bias, self.step);
         immobile.retain(|&k| !driven.contains(&self.chosen[k].identity));
         let left_out = of_each(&immobile, |&k| self.active[k]);
         if !immobile.is_empty() {

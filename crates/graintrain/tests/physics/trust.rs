@@ -125,6 +125,49 @@ fn a_column_that_overlaps_stays() {
     }
 }
 
+/// Balls in a slot that is a thousandth too narrow for them have nowhere to part to: each step converges, and
+/// they stay.
+#[test]
+fn bodies_that_are_held_in_overlap_stay() {
+    for (count, tolerance, friction) in [
+        (1, 1e-2, Coulomb),
+        (1, 1e-4, Relaxed),
+        (60, 1e-2, Relaxed),
+        (60, 1e-3, Coulomb),
+        (60, 1e-4, Coulomb),
+    ] {
+        let mut world = world(0.3, 0.0);
+        let plane = world.add_geometry(Geometry::plane());
+        let fixed = world.add_motion(Motion::fixed()).unwrap();
+        let pitch = 0.999 * 0.1;
+        let walls = [
+            (Quat::IDENTITY, Vec3::ZERO),
+            (Quat::from_rotation_y(std::f64::consts::FRAC_PI_2), Vec3::ZERO),
+            (Quat::from_rotation_y(-std::f64::consts::FRAC_PI_2), Vec3::X * pitch * f64::from(count)),
+        ];
+        for (orientation, position) in walls {
+            let wall = Body { motion: fixed, ..Body::new(plane, MaterialId::default(), position) };
+            world.add_body(Body { orientation, ..wall }).unwrap();
+        }
+        for k in 0..count {
+            add_sphere(&mut world, 0.05, Vec3::new(pitch * (f64::from(k) + 0.5), 0.0, 0.05));
+        }
+        let choice = SolverChoice { friction, tolerance, ..SolverChoice::default() };
+        let settings = StepSettings { step: 5e-3, solver: choice, ..StepSettings::default() };
+        let mut stepper = Stepper::new(settings).unwrap();
+        for step in 0..40 {
+            let report = stepper.step(&mut world).unwrap();
+            assert!(
+                report.solve.converged(),
+                "{count} {tolerance} {friction:?} {step}: {:?}",
+                report.solve.residual
+            );
+        }
+        let fastest = world.bodies.velocity.iter().map(|u| u.length()).fold(0.0, f64::max);
+        assert!(fastest <= 0.1 * G * 5e-3, "{count} {tolerance} {friction:?}: {fastest}");
+    }
+}
+
 /// Small and fast: onto a plane, head on, through a thin plate, past each other.
 #[test]
 fn small_fast_bodies_meet_what_is_in_their_way() {
