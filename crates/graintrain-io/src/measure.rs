@@ -246,7 +246,7 @@ const ENERGY: &[Column] = &[
     column("work_joints", "J", "likewise: work of the motors, springs, dampers and stops of joints"),
     column("lost_friction", "J", "likewise: taken by friction"),
     column("lost_normal", "J", "likewise: taken by normal impulses"),
-    column("overlap_energy", "J", "likewise: given by the removal of overlap"),
+    column("overlap_energy", "J", "likewise: given against gravity by the removal of overlap"),
     column(
         "ledger_rest",
         "J",

@@ -199,7 +199,7 @@ quantities! {
         overlap_corrected_max: f64 = max;
     joint_opening: "m", "how far the joint that is open most is so at the end of the step", |r| r.errors.joint_opening_max;
         joint_opening_max: f64 = max;
-    correction_energy: "J", "energy that removal of overlap gave to bodies", |r| r.correction_energy;
+    correction_energy: "J", "energy that displacements against overlap gave to bodies against gravity", |r| r.correction_energy;
         correction_energy: f64 = sum;
     load_work: "J", "work of external forces and torques besides gravity, dt f (u + u+) / 2", |r| r.ledger.loads;
         load_work: f64 = sum;

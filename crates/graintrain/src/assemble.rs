@@ -3,7 +3,7 @@
 use crate::cell::{self, Cell};
 use crate::collide::identity::PreviousContacts;
 use crate::contact::{Contact, ContactSet};
-use crate::elasticity::compliances;
+use crate::elasticity::{bias, compliances};
 use crate::math::{Vec3, tangents};
 use crate::turning::{frame_moment, turning, turning_velocities};
 use crate::world::World;
@@ -20,8 +20,8 @@ const TASK: usize = 4096;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum OverlapCorrection {
-    /// Bodies that overlap may not approach, and part at less than the error of a solve; positions are
-    /// corrected apart from velocities (see [`crate::overlap`]), so that next to no energy is made.
+    /// Bodies that overlap may not approach; positions are corrected apart from velocities (see
+    /// [`crate::overlap`]), so that no energy is made.
     #[default]
     Position,
     /// Bodies that overlap have to part with the velocity that removes the overlap within the step, -Phi /
@@ -71,12 +71,12 @@ pub fn relative_velocities(
 /// numbers per body, [`crate::integrate::free_velocity`], of jointed bodies what their joints make of them),
 ///
 /// ```text
-/// r_i = (b_i, 0, 0) + D_i^T free,   N = D^T M^-1 D with the masked inverse mass (W of coupled bodies)
+/// r_i = b_i + D_i^T free,   N = D^T M^-1 D with the masked inverse mass (W of coupled bodies),   b_i = (Phi_i / dt, 0, 0)
 /// ```
 ///
-/// with three more rows for every contact that resists turning ([`crate::turning`]). b (`bias`, m/s) is Phi /
-/// dt where bodies are apart, and what [`OverlapCorrection`] says where they overlap. Elastic contacts have a
-/// b of their own and a diagonal beside D^T M^-1 D: see [`crate::elasticity`]. The
+/// with three more rows for every contact that resists turning ([`crate::turning`]), whose b is zero; where
+/// Phi_i > 0. Where bodies overlap, b_i = 0 or, after the paper, Phi_i / dt: see [`OverlapCorrection`].
+/// Elastic contacts have a b of their own and a diagonal beside D^T M^-1 D: see [`crate::elasticity`]. The
 /// velocity of prescribed bodies enters r. Restitution is not here but in [`crate::impact`].
 ///
 /// V, which makes residuals dimensionless, is |gravity| dt; without gravity the root mean square of |r_i|
@@ -88,10 +88,15 @@ pub fn assemble(
     (inverse_mass, coupled): (Vec<BodyInverseMass>, Vec<CoupledBodies>),
     free: &[f64],
     step: f64,
-    bias: &[f64],
+    overlap: OverlapCorrection,
 ) -> Ccp {
     let mut r = relative_velocities(world.cell(), contacts, &rows, free);
-    r.par_chunks_exact_mut(3).zip(bias).with_min_len(TASK).for_each(|(u, bias)| u[0] += bias);
+    r.par_chunks_exact_mut(3).zip(contacts).with_min_len(TASK).for_each(|(u, contact)| {
+        u[0] += bias(world, contact, step).unwrap_or_else(|| match overlap {
+            OverlapCorrection::Velocity => contact.gap / step,
+            OverlapCorrection::Position => contact.gap.max(0.0) / step,
+        });
+    });
     let friction = pair_property(world, contacts, |a, b| world.materials.pair_friction(a, b));
     let velocity_scale = scale_under(world.gravity.length(), step, &r, &friction);
     let (turning_rows, turning) = turning(world, contacts);

@@ -1,18 +1,16 @@
-//! Overlap is removed by displacements, and by velocities no larger than their errors.
+//! Overlap is removed by displacements, not by velocities.
 //!
-//! By how far the error of one solve lets bodies approach, the next one has them part: in the contact problem
-//! b_n = max((Phi + kept) / dt, -[`parting`](Parameters::parting) tolerance |gravity| dt) where that is
-//! negative. More is displaced. After the velocities of a step are known, contact i will have the gap
-//! `Phi_i + dt D_i,n^T v+`. Where that lies below what is allowed, bodies are displaced by the least (in the
-//! norm of the mass matrix) that mends it and makes no new overlap,
+//! After the velocities of a step are known, contact i will have the gap `Phi_i + dt D_i,n^T v+`. Where that
+//! lies below what is allowed, bodies are displaced by the least (in the norm of the mass matrix) that mends
+//! it and makes no new overlap,
 //!
 //! ```text
 //! min 1/2 dq^T M dq   subject to   Phi_i + dt D_i,n^T v+ + D_i,n^T dq >= target_i
 //! ```
 //!
 //! whose optimality conditions are a contact problem without friction with the same N (solved to few digits
-//! by `projection`). The displacement leaves no velocity, so a state that came with overlaps gets next to no
-//! kinetic energy from them, whatever the step; what removal does is reported.
+//! by `projection`). The displacement leaves no velocity, so a state that came with overlaps gets no kinetic
+//! energy from them, whatever the step; what it does against gravity is reported.
 //!
 //! What a step adds to an overlap because bodies that turn are not where the linearised gap says (a disc that
 //! wobbles nearly flat changes the place where it stands by a tenth of a radian of its rim in a step) is
@@ -32,9 +30,6 @@ use graintrain_ccp::{BodyInverseMass, FIXED, RigidContact};
 /// What corrections are tuned by. Values: docs/mechanics.md, "Overlap"; held by `tests/physics/trust.rs`.
 #[derive(Clone, Debug)]
 pub struct Parameters {
-    /// Bodies that overlap part in the contact problem at this fraction of the tolerance times |gravity| dt,
-    /// or less. Below one: where bodies are held so that they cannot part, to stay is within the tolerance.
-    pub parting: f64,
     /// An overlap above this fraction of the smaller body's size starts a correction of its part.
     pub trigger: f64,
     /// The same per tolerance of the solve, where that is more: whoever asks for 1e-2 lets every step add
@@ -68,7 +63,6 @@ pub struct Parameters {
 impl Default for Parameters {
     fn default() -> Self {
         Self {
-            parting: 0.5,
             trigger: 5e-4,
             trigger_per_tolerance: 0.4,
             kept: 1e-4,

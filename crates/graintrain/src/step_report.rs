@@ -87,8 +87,7 @@ pub struct StepReport {
     /// Largest overlap that displacements worked on in this step (see [`crate::overlap`]), m; zero where
     /// there was none to mend.
     pub overlap_corrected_max: f64,
-    /// Energy that the removal of overlap gave to bodies, J: of displacements against gravity, of impulses
-    /// that have bodies part at the most.
+    /// Energy that those displacements gave to bodies against gravity, J.
     pub correction_energy: f64,
     /// What changed the kinetic energy, work of loads included.
     pub ledger: Ledger,

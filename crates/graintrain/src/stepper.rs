@@ -151,8 +151,7 @@ impl Stepper {
     ///
     /// Without external forces the sum of kinetic energy and work against gravity never rises in a step whose
     /// bodies are not driven, but for [`StepReport::correction_energy`]: impacts make none, and the contact
-    /// problem takes `1/2 |v+ - v|_M^2 - g . (D^T v+)`, of which the second term is made not to be positive
-    /// but for what lets bodies part that overlap.
+    /// problem takes `1/2 |v+ - v|_M^2 - g . (D^T v+)`, of which the second term is made not to be positive.
     ///
     /// A solve that does not reach its tolerance is no error: see [`StepReport::solve`].
     ///

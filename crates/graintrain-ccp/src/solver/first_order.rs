@@ -154,7 +154,8 @@ struct Prepared<P> {
 }
 
 impl<P: Packed> Prepared<P> {
-    /// The last one with another r, where nothing else differs, or a new one.
+    /// The last one with another r, where nothing else differs (its order stays that of the impulses that the
+    /// first solve started from), or a new one.
     fn of(
         problem: &Ccp,
         ranks: Option<&Arc<Ranks>>,

@@ -91,7 +91,7 @@ fn summary(scene: &Scene, simulation: &Simulation) -> String {
     let end = steps as f64 * settings.step;
     line("time", format!("{steps} steps of {} s, {end:.6} s in all", settings.step));
     let overlap = match settings.overlap {
-        OverlapCorrection::Position => "positions (next to no velocity is made)",
+        OverlapCorrection::Position => "positions (no velocity is made)",
         OverlapCorrection::Velocity => "velocities (-gap / step, as in the paper)",
     };
     line("contacts", format!("envelope {:.4e} m, overlap is removed by {overlap}", settings.envelope));

@@ -181,7 +181,8 @@ impl Collider {
             for k in 0..own {
                 let bounds_of = bounds[k];
                 let (centre, reach) = (bounds_of.center(), bounds_of.half_extents().length());
-                for (_, image) in cell.images(centre, reach + size) {
+                // The largest may also be as fast as that.
+                for (_, image) in cell.images(centre, reach + size + largest) {
                     let way = image - centre;
                     large.push(large[k]);
                     bounds.push(Aabb::new(bounds_of.mins + way, bounds_of.maxs + way));

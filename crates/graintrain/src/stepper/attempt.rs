@@ -4,7 +4,7 @@
 use super::error::check_velocity;
 use super::mobility;
 use super::repetition::Rounds;
-use super::{StepError, StepSettings, Stepper};
+use super::{StepError, Stepper};
 use crate::assemble::{OverlapCorrection, assemble, contact_rows, of_each, warm_start};
 use crate::cell::{Cell, moved_mass};
 use crate::cell_problem::CellRows;
@@ -52,20 +52,17 @@ pub(super) struct Attempt {
     pub(super) velocity: Vec<f64>,
     pub(super) solve: SolveReport,
     pub(super) parts: usize,
-    /// What impulses at contacts that have to part give to bodies at the most, J.
-    pub(super) parted: f64,
 }
 
 /// The contact problem of a step, posed again where joints have to be other than foreseen.
 struct Posing<'a> {
     world: &'a World,
-    step: f64,
+    /// dt, s, and what becomes of overlap.
+    how: (f64, OverlapCorrection),
     mechanisms: Mechanisms<'a>,
     /// Contacts of the problem, and their places among those of the step.
     chosen: Cow<'a, [Contact]>,
     active: Vec<u32>,
-    /// Their b, m/s ([`assemble`]).
-    bias: Cow<'a, [f64]>,
     problem: Ccp,
     /// Velocities without contacts: with joints that nothing else pulls at.
     free: Vec<f64>,
@@ -74,15 +71,15 @@ struct Posing<'a> {
 impl<'a> Posing<'a> {
     fn new(
         world: &'a World,
-        step: f64,
-        (contacts, bias): (&'a [Contact], &'a [f64]),
+        how: (f64, OverlapCorrection),
+        contacts: &'a [Contact],
         (rows, masses): (Vec<RigidContact>, Vec<BodyInverseMass>),
         mut mechanisms: Mechanisms<'a>,
     ) -> Self {
         mechanisms.predict(&[]);
-        let (problem, free) = pose(world, step, &mechanisms, (contacts, bias), (rows, masses));
+        let (problem, free) = pose(world, how, &mechanisms, contacts, (rows, masses));
         let active = (0..contacts.len() as u32).collect();
-        Self { world, step, mechanisms, chosen: contacts.into(), active, bias: bias.into(), problem, free }
+        Self { world, how, mechanisms, chosen: contacts.into(), active, problem, free }
     }
 
     /// Poses the problem anew, as the joints now are.
@@ -99,16 +96,15 @@ impl<'a> Posing<'a> {
         if stays.len() < self.active.len() {
             self.active = of_each(stays, |&k| self.active[k]);
             self.chosen = of_each(stays, |&k| self.chosen[k]).into();
-            self.bias = of_each(stays, |&k| self.bias[k]).into();
         }
         (self.problem, self.free) =
-            pose(self.world, self.step, &self.mechanisms, (&self.chosen, &self.bias), (rows, masses));
+            pose(self.world, self.how, &self.mechanisms, &self.chosen, (rows, masses));
     }
 
     /// Leaves out the contacts along whose normals nothing can move, but for those that bodies are driven
     /// into; returned are their places among those of the step.
     fn leave_immobile_out(&mut self, driven: &HashSet<u64>) -> Vec<u32> {
-        let mut immobile = mobility::immobile(self.world, &self.problem, &self.bias, self.step);
+        let mut immobile = mobility::immobile(self.world, &self.problem, self.how.0);
         immobile.retain(|&k| !driven.contains(&self.chosen[k].identity));
         let left_out = of_each(&immobile, |&k| self.active[k]);
         if !immobile.is_empty() {
@@ -117,17 +113,6 @@ impl<'a> Posing<'a> {
             self.keep(&stays);
         }
         left_out
-    }
-
-    /// sum_i g_n (-b) over the rigid contacts that overlap, J: what the problem adds to 1/2 v^T M v and to
-    /// the work against gravity at the most.
-    fn parted(&self, impulse: &[f64]) -> f64 {
-        let Delassus::Rigid(rigid) = &*self.problem.delassus else { return 0.0 };
-        let of = |(k, (bias, g)): (usize, (&f64, &[f64]))| {
-            let is_rigid = rigid.compliance().get(k).is_none_or(|&c| c == 0.0);
-            if is_rigid { g[0] * (-bias).max(0.0) } else { 0.0 }
-        };
-        self.bias.iter().zip(impulse.chunks_exact(3)).enumerate().map(of).sum()
     }
 
     /// The impulses to start from: those of the last attempt or of the last step. `pulls` are those of the
@@ -146,15 +131,15 @@ impl<'a> Posing<'a> {
 /// The problem of these contacts with joints that nothing else pulls at, and the velocities without contacts.
 fn pose(
     world: &World,
-    step: f64,
+    (step, overlap): (f64, OverlapCorrection),
     mechanisms: &Mechanisms<'_>,
-    (contacts, bias): (&[Contact], &[f64]),
+    contacts: &[Contact],
     (rows, masses): (Vec<RigidContact>, Vec<BodyInverseMass>),
 ) -> (Ccp, Vec<f64>) {
     let mut free = mechanisms.free().to_vec();
     mechanisms.velocities(&[], &mut free);
     let masses = (masses, mechanisms.coupled());
-    (assemble(world, contacts, rows, masses, &free, step, bias), free)
+    (assemble(world, contacts, rows, masses, &free, step, overlap), free)
 }
 
 impl Stepper {
@@ -179,8 +164,8 @@ impl Stepper {
         let mut free = free_velocity(world, &impacts.velocity, step);
         elasticity::apply_pulls(&rows, &pulls, &masses, &mut free);
         let mechanisms = Mechanisms::new(world, &masses, &impacts.velocity, free, step);
-        let bias = self.biases(world, contacts);
-        let mut posing = Posing::new(world, step, (contacts, &bias), (rows, masses), mechanisms);
+        let how = (step, self.settings.overlap);
+        let mut posing = Posing::new(world, how, contacts, (rows, masses), mechanisms);
         let immobile = posing.leave_immobile_out(&rounds.driven);
         let mut impulse = posing.start(&pulls, last.as_ref());
         if !posing.mechanisms.is_empty() && !posing.chosen.is_empty() {
@@ -191,8 +176,6 @@ impl Stepper {
         let WithCell { mut solved, posed, cell } =
             self.solve_with_cell(&mut posing, &impacts, &mut impulse)?;
         let (on_bodies, agrees) = self.agree(&mut posing, &mut impulse, &mut solved)?;
-        let parted =
-            if self.settings.overlap == OverlapCorrection::Position { posing.parted(&impulse) } else { 0.0 };
         let Posing { mechanisms, active, problem, free, .. } = posing;
         let Solved { report: mut solve, parts } = solved;
         let mut velocity = velocity_after(&problem, &impulse, free);
@@ -224,23 +207,6 @@ impl Stepper {
             velocity,
             solve,
             parts,
-            parted,
-        })
-    }
-
-    /// b of every contact, m/s.
-    fn biases(&self, world: &World, contacts: &[Contact]) -> Vec<f64> {
-        let StepSettings { step, overlap, ref solver, .. } = self.settings;
-        let (collider, parameters) = (&self.collider, &self.parameters.overlap);
-        let fastest = parameters.parting * solver.tolerance * world.gravity.length() * step;
-        of_each(contacts, |contact| {
-            elasticity::bias(world, contact, step).unwrap_or_else(|| match overlap {
-                OverlapCorrection::Position if contact.gap < 0.0 => {
-                    let kept = parameters.kept * collider.contact_size(world, contact);
-                    ((contact.gap + kept) / step).clamp(-fastest, 0.0)
-                }
-                _ => contact.gap / step,
-            })
         })
     }
 

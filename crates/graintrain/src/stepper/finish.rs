@@ -189,8 +189,8 @@ impl Stepper {
         let begin = Clock::now();
         let errors = self.left_over(&contacts, &attempt, &size);
         let (set, with_force) = exerted(world, contacts, &attempt);
-        let Attempt { problem, posed, cell, impulse, joints, impacts, velocity, .. } = attempt;
-        let (mut solve, parts, parted) = (attempt.solve, attempt.parts, attempt.parted);
+        let Attempt { problem, posed, cell, impulse, joints, impacts, velocity, mut solve, parts, .. } =
+            attempt;
         let wrenches = wrenches(&start.position, cell.as_ref(), world, &set, step);
         let kinetic_energy = world.kinetic_energy();
         let change = kinetic_energy + taken_along(world, &velocity) - start.kinetic_energy;
@@ -199,7 +199,7 @@ impl Stepper {
         load::add_drag(world, &velocity);
         let ledger = energy::ledger(world, forces, places, [&start.velocities(), &kicked], step, change);
         let [penetration_max, penetration_max_over_size] = self.deepest(world, &ahead);
-        let correction_energy = parted + correction.work(&world.bodies.mass, world.gravity);
+        let correction_energy = correction.work(&world.bodies.mass, world.gravity);
         world.record_joints(&joints.states, step);
         let joint_opening_max = self.check(world, &impacts, &mut solve);
         solve.iterations = iterations;

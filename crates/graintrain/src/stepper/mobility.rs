@@ -23,8 +23,8 @@ const ROUNDING: f64 = 1e-5;
 const TOUCH: f64 = 1e-9;
 
 /// Contacts (indices, ascending) whose N_nn is below [`LEVER`]^2 of that of the bodies without joints and
-/// constraints, and that do not approach. Overlap that is to part (`bias` below zero) is no approach.
-pub(super) fn immobile(world: &World, problem: &Ccp, bias: &[f64], step: f64) -> Vec<usize> {
+/// constraints, and that do not approach.
+pub(super) fn immobile(world: &World, problem: &Ccp, step: f64) -> Vec<usize> {
     let Delassus::Rigid(rigid) = &*problem.delassus else { return Vec::new() };
     let is_bound =
         |body: usize| !world.is_prescribed(body) && world.free_degrees(body).iter().any(|free| !free);
@@ -38,8 +38,7 @@ pub(super) fn immobile(world: &World, problem: &Ccp, bias: &[f64], step: f64) ->
         if mobility > LEVER * LEVER * (alone(own.body_a) + alone(own.body_b)) {
             return None;
         }
-        let r = [problem.r[3 * k] - bias[k].min(0.0), problem.r[3 * k + 1], problem.r[3 * k + 2]];
-        (!approaches(own, &r, step)).then_some(k)
+        (!approaches(own, &problem.r[3 * k..3 * k + 3], step)).then_some(k)
     };
     rigid.contacts().iter().enumerate().filter_map(holds).collect()
 }

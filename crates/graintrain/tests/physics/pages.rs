@@ -36,7 +36,6 @@ fn pages_have_the_constants_of_a_step() {
                 "leaves {:e}, moves bodies up to two contacts away, and removes at most {} |g| dt^2",
                 overlap.kept, overlap.per_step
             ),
-            format!("separate at up to {} tolerance |g| dt", overlap.parting),
             format!("solved again (up to {} times)", repetition.joint_rounds),
         ],
     );
