@@ -29,7 +29,7 @@ import numpy as np  # noqa: E402  (the number of threads comes first)
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from common_drop import write  # noqa: E402
+from common_drop import numbers_of, positions, write  # noqa: E402
 
 DENSITY, FRICTION, GRAVITY, STEP, SAMPLES = 100.0, 0.6, 9.81, 1 / 60, 10
 CUBE = 0.5 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
@@ -143,18 +143,8 @@ motion = "fixed"
 
 
 def frame(path):
-    """Positions and quaternions of the bodies of a frame."""
-    import base64
-
-    text = open(path, encoding="ascii").read()
-
-    def array(name):
-        found = re.search(rf'<DataArray type="(\w+)" Name="{name}"[^>]*>([^<]*)<', text)
-        raw = base64.b64decode(found.group(2).strip())[8:]
-        return np.frombuffer(raw, dtype={"Float32": "<f4", "Float64": "<f8"}[found.group(1)]).astype(float)
-
-    # (x, y, z, w) there.
-    return array("Points").reshape(-1, 3), array("quat").reshape(-1, 4)[:, [3, 0, 1, 2]]
+    """Positions and quaternions (w, x, y, z) of the bodies of a frame, which has them as (x, y, z, w)."""
+    return positions(path), numbers_of(path, "quat").reshape(-1, 4)[:, [3, 0, 1, 2]]
 
 
 def rapier(corners, places, steps, _):
@@ -192,8 +182,8 @@ def rapier(corners, places, steps, _):
         seconds += time.process_time() - begin
         if (k + 1) % (steps // SAMPLES) == 0:
             bodies = [world.rigid_bodies[handle] for handle in handles]
-            positions = np.array([numbers(body.translation, "xyz") for body in bodies])
-            samples.append((positions, np.array([numbers(body.rotation, "wijk") for body in bodies])))
+            places_now = np.array([numbers(body.translation, "xyz") for body in bodies])
+            samples.append((places_now, np.array([numbers(body.rotation, "wijk") for body in bodies])))
     return seconds, samples
 
 

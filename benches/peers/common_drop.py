@@ -66,12 +66,17 @@ def child_seconds(command, **options):
 # graintrain
 
 
+def numbers_of(frame, name):
+    """An array of a frame of bodies."""
+    text = open(frame, encoding="ascii").read()
+    data = re.search(rf'<DataArray type="(\w+)" Name="{name}"[^>]*>([^<]*)<', text)
+    raw = base64.b64decode(data.group(2).strip())[8:]
+    return np.frombuffer(raw, dtype={"Float32": "<f4", "Float64": "<f8"}[data.group(1)]).astype(float)
+
+
 def positions(frame):
     """Points of a frame of bodies."""
-    text = open(frame, encoding="ascii").read()
-    data = re.search(r'<Points>\s*<DataArray type="(\w+)"[^>]*>([^<]*)<', text)
-    raw = base64.b64decode(data.group(2).strip())[8:]
-    return np.frombuffer(raw, dtype={"Float32": "<f4", "Float64": "<f8"}[data.group(1)]).reshape(-1, 3).astype(float)
+    return numbers_of(frame, "Points").reshape(-1, 3)
 
 
 def scene(n, folder):
