@@ -21,12 +21,13 @@
 //! it loses some.
 
 use super::capsule::{least_between, minimise};
+use super::edges::{EdgePoint, Rims};
 use super::manifold::Solid;
+use super::polyhedra::Polyhedron;
 use super::reduce::{SAME_PATCH, Touch};
 use super::triangle::{TriangleFeature, nearest_on_triangle};
 use crate::math::Vec3;
-use crate::shape::polyhedron::nearest_to_edges;
-use crate::shape::{Corners, Distance, Shape};
+use crate::shape::{Corners, Distance};
 
 /// Points nearer than this fraction of the smaller size are left to the library.
 const CLEAR: f64 = 1e-6;
@@ -49,7 +50,7 @@ const OF_B: u64 = 1 << 28;
 struct Candidate {
     point: Vec3,
     distance: Distance,
-    /// How far the nearest point lies inside a face of the other solid, m; zero on edges.
+    /// How far the nearest point lies inside a face of the other solid, m; negative on edges.
     inside: f64,
     is_corner: bool,
     feature: u64,
@@ -76,6 +77,8 @@ impl Front {
 /// One of both solids with its corners, and the other in front of which they are.
 struct Side<'a> {
     corners: Corners,
+    /// The corners that are not high in front of the other: all others touch nothing.
+    is_near: Vec<bool>,
     other: Solid<'a>,
     front: Front,
     /// From the other solid to this one.
@@ -87,25 +90,39 @@ struct Side<'a> {
 }
 
 /// Adds the points that are missing in `touches`, which hold what the library found for this pair. `unit` is
-/// the size of the smaller solid; normals point from B to A.
-pub(crate) fn add_corners(a: Solid<'_>, b: Solid<'_>, unit: f64, envelope: f64, touches: &mut Vec<Touch>) {
+/// the size of the smaller solid; normals point from B to A. `polyhedra` are the solids relative to `origin`,
+/// those that are polyhedra.
+pub(crate) fn add_corners(
+    [a, b]: [Solid<'_>; 2],
+    polyhedra: [Option<&Polyhedron<'_>>; 2],
+    origin: Vec3,
+    (unit, envelope): (f64, f64),
+    touches: &mut Vec<Touch>,
+) {
     if envelope <= CLEAR * unit {
         return;
     }
     let library = touches.iter().min_by(|x, y| x.gap.total_cmp(&y.gap)).copied();
     let toward = library.map_or(b.centre() - a.centre(), |touch| -touch.normal);
-    let side = |own: Solid<'_>, other, toward: Vec3, sign, first| Side {
-        corners: own.corners(toward),
-        other,
-        front: Front::of(other, -toward),
-        outward: -toward,
-        sign,
-        first,
+    let highest = envelope + ROUNDING * unit;
+    let side = |own: Solid<'_>, other, toward: Vec3, sign, first| {
+        let (corners, front) = (own.corners(toward), Front::of(other, -toward));
+        let is_near = corners.points.iter().map(|&p| front.height(p) <= highest).collect();
+        Side { corners, is_near, other, front, outward: -toward, sign, first }
     };
     let sides = [side(a, b, toward, 1.0, 1), side(b, a, -toward, -1.0, OF_B)];
     let mut candidates = Vec::new();
-    for side in &sides {
-        of_one(side, envelope, unit, &mut candidates);
+    for (own, side) in sides.iter().enumerate() {
+        of_corners(side, envelope, &mut candidates);
+        match polyhedra[1 - own] {
+            // What borders of triangles are to a mesh is its own affair.
+            Some(other) if other.is_flat() => {}
+            Some(other) => {
+                let rims = Rims::of(other, &sides[1 - own].is_near, highest);
+                at_rims(side, other, &rims, (origin, envelope), &mut candidates);
+            }
+            None => of_edges(side, envelope, &mut candidates),
+        }
     }
     let nearest = candidates
         .iter()
@@ -162,47 +179,70 @@ pub(crate) fn add_corners(a: Solid<'_>, b: Solid<'_>, unit: f64, envelope: f64, 
     }
 }
 
-/// Corners, edge crossings and nearest points of edges of one solid against the other. Features count up from
-/// the first of the side, and stay below 2^32: the library's own numbers are larger, or zero. Of most corners
-/// and edges it is enough to know that they are high in front of the other solid.
-fn of_one(side: &Side<'_>, envelope: f64, unit: f64, candidates: &mut Vec<Candidate>) {
-    let Side { corners, other, front, sign, first, .. } = side;
-    let mut add = |p: Vec3, is_corner: bool, feature: u64| {
-        if let Some((distance, inside)) = other.distance(p)
-            && distance.value <= envelope
-        {
-            let Distance { value, normal } = distance;
-            let point = p - 0.5 * value * normal;
-            let distance = Distance { value, normal: *sign * normal };
-            candidates.push(Candidate { point, distance, inside, is_corner, feature });
+impl Side<'_> {
+    /// A point of this solid, or none where it is not as near as the envelope to the other.
+    fn candidate(&self, p: Vec3, is_corner: bool, feature: u64, envelope: f64) -> Option<Candidate> {
+        let (distance, inside) = self.other.distance(p, envelope)?;
+        Some(self.at(p, distance, inside, is_corner, feature))
+    }
+
+    fn at(&self, p: Vec3, distance: Distance, inside: f64, is_corner: bool, feature: u64) -> Candidate {
+        let Distance { value, normal } = distance;
+        let point = p - 0.5 * value * normal;
+        let distance = Distance { value, normal: self.sign * normal };
+        Candidate { point, distance, inside, is_corner, feature }
+    }
+
+    /// Numbers of the points of edges begin here.
+    fn first_of_edges(&self) -> u64 {
+        self.first + (self.corners.points.len() as u64).max(64)
+    }
+
+    /// Edges with an end that is near, and their numbers.
+    fn near_edges(&self) -> impl Iterator<Item = (u64, [usize; 2])> + '_ {
+        let is_near = |(_, edge): &(u64, [usize; 2])| edge.iter().any(|&end| self.is_near[end]);
+        (0..).zip(self.corners.edges.iter().copied()).filter(is_near)
+    }
+}
+
+/// Corners of one solid near the other. Features count up from the first of the side, and stay below 2^32:
+/// the library's own numbers are larger, or zero.
+fn of_corners(side: &Side<'_>, envelope: f64, candidates: &mut Vec<Candidate>) {
+    for (number, &p) in side.corners.points.iter().enumerate() {
+        if side.is_near[number] {
+            candidates.extend(side.candidate(p, true, side.first + number as u64, envelope));
         }
-    };
-    let highest = envelope + ROUNDING * unit;
-    let is_near: Vec<bool> = corners.points.iter().map(|&p| front.height(p) <= highest).collect();
-    let near = corners.points.iter().enumerate().filter(|(number, _)| is_near[*number]);
-    let &Solid::Placed { shape, position, orientation } = other else {
-        for (number, &p) in near {
-            add(p, true, first + number as u64);
-        }
-        return;
-    };
+    }
+}
+
+/// Points of the edges of one solid near the edges of the other, a polyhedron.
+fn at_rims(
+    side: &Side<'_>,
+    other: &Polyhedron<'_>,
+    rims: &Rims,
+    (origin, envelope): (Vec3, f64),
+    candidates: &mut Vec<Candidate>,
+) {
+    for (number, edge) in side.near_edges() {
+        let feature = side.first_of_edges() + Rims::numbers(other) * number;
+        rims.points(edge.map(|end| side.corners.points[end] - origin), &mut |found| {
+            let EdgePoint { point, distance, is_crossing, number } = found;
+            if distance.value <= envelope {
+                let inside = if is_crossing { 0.0 } else { f64::NEG_INFINITY };
+                candidates.push(side.at(origin + point, distance, inside, false, feature + number));
+            }
+        });
+    }
+}
+
+/// Edge crossings and nearest points of edges of one solid against the other, which is round.
+fn of_edges(side: &Side<'_>, envelope: f64, candidates: &mut Vec<Candidate>) {
+    let &Solid::Placed { shape, position, orientation } = &side.other else { return };
     let form = shape.form();
     let inverse = orientation.conjugate();
-    let own = |p: Vec3| inverse * (p - position);
-    let mut distances: Vec<Option<Distance>> = vec![None; corners.points.len()];
-    for (number, &p) in near {
-        let distance = form.signed_distance(own(p));
-        if distance.value <= envelope {
-            add(p, true, first + number as u64);
-        }
-        distances[number] = Some(distance);
-    }
-    let numbers = (corners.points.len() as u64).max(64);
-    for (number, edge) in corners.edges.iter().enumerate() {
-        if edge.iter().all(|&end| !is_near[end]) {
-            continue;
-        }
-        let [p, q] = edge.map(|end| own(corners.points[end]));
+    let mut distances: Vec<Option<Distance>> = vec![None; side.corners.points.len()];
+    for (number, edge) in side.near_edges() {
+        let [p, q] = edge.map(|end| inverse * (side.corners.points[end] - position));
         let (centre, half) = (0.5 * (p + q), 0.5 * (q - p));
         let [at_p, at_q] = [(edge[0], p), (edge[1], q)]
             .map(|(end, p)| *distances[end].get_or_insert_with(|| form.signed_distance(p)));
@@ -210,18 +250,12 @@ fn of_one(side: &Side<'_>, envelope: f64, unit: f64, candidates: &mut Vec<Candid
             continue;
         }
         let crossings = form.crossings(centre, half);
-        let feature = first + numbers + (1 + crossings.len() as u64) * number as u64;
-        let world = |t: f64| position + orientation * (centre + t * half);
-        let nearest = match shape {
-            Shape::Hull(hull) => nearest_to_edges(hull, centre, half),
-            _ => minimise(|t| form.signed_distance(centre + t * half).normal.dot(half)),
-        };
-        if nearest.abs() < 1.0 {
-            add(world(nearest), false, feature);
-        }
-        for (k, t) in crossings.into_iter().enumerate() {
+        let feature = side.first_of_edges() + (1 + crossings.len() as u64) * number;
+        let nearest = minimise(|t| form.signed_distance(centre + t * half).normal.dot(half));
+        for (t, feature) in std::iter::once(nearest).chain(crossings).zip(feature..) {
             if t.abs() < 1.0 {
-                add(world(t), false, feature + 1 + k as u64);
+                let p = position + orientation * (centre + t * half);
+                candidates.extend(side.candidate(p, false, feature, envelope));
             }
         }
     }
@@ -248,14 +282,15 @@ impl Solid<'_> {
         }
     }
 
-    /// Distance of a point of the world and how far its nearest point lies inside a face, m (negative on an
-    /// edge); `None` behind a triangle, and beside it.
-    fn distance(self, p: Vec3) -> Option<(Distance, f64)> {
+    /// Distance of a point of the world, up to the envelope, and how far its nearest point lies inside a face,
+    /// m (negative on an edge); `None` beyond, behind a triangle, and beside it.
+    fn distance(self, p: Vec3, envelope: f64) -> Option<(Distance, f64)> {
         match self {
             Self::Placed { shape, position, orientation } => {
                 let own = orientation.conjugate() * (p - position);
                 let Distance { value, normal } = shape.form().signed_distance(own);
-                Some((Distance { value, normal: orientation * normal }, shape.form().inside_face(own)))
+                let distance = Distance { value, normal: orientation * normal };
+                (value <= envelope).then(|| (distance, shape.form().inside_face(own)))
             }
             Self::Triangle(corners) => {
                 let [a, b, c] = corners;
@@ -266,7 +301,7 @@ impl Solid<'_> {
                     let along = (corners[(k + 1) % 3] - corners[k]).normalize();
                     face.cross(along).dot(foot - corners[k])
                 };
-                let over = feature == TriangleFeature::Face && value > 0.0;
+                let over = feature == TriangleFeature::Face && value > 0.0 && value <= envelope;
                 over.then(|| (Distance { value, normal: face }, edge(0).min(edge(1)).min(edge(2))))
             }
         }

@@ -10,8 +10,9 @@
 //! | `narrow` | contacts of two bodies, shape by shape |
 //! | `triangle`, `plane`, `capsule` | closed-form kernels |
 //! | `mesh` | triangle meshes, without contacts that only the cut into triangles makes |
-//! | `polyhedra` | convex hulls with hulls, boxes and triangles, in closed form |
-//! | `manifold`, `corners` | boxes and what is round, and hulls with what is round, through the collision library; corners and edges that it leaves out |
+//! | `polyhedra` | boxes, convex hulls and triangles with each other, in closed form |
+//! | `manifold` | cylinders and cones with each other and with those, through the collision library |
+//! | `corners`, `edges` | points of corners and edges that both leave out |
 //! | `polish` | the exact normal of a contact of a cylinder or cone, from the library's nearly exact one |
 //! | `reduce` | the contacts that a patch needs: four, up to eight where four do not hold the others |
 //! | `sweep` | when fast bodies meet within a step, and the contact that lets them arrive |
@@ -24,6 +25,7 @@ mod broad;
 mod candidates;
 mod capsule;
 mod corners;
+mod edges;
 mod encoding;
 mod grid;
 pub(crate) mod identity;

@@ -1,4 +1,4 @@
-//! Contacts of convex hulls with hulls, boxes and triangles, exact but for rounding.
+//! Contacts of polyhedra (boxes, convex hulls, triangles), exact but for rounding.
 //!
 //! Two convex polyhedra are farthest apart (least deep inside each other) along the normal of a face of one
 //! of them or across an edge of each; edges count only where their arcs on the sphere of normals cross (D.
@@ -30,6 +30,10 @@ const STEEP: f64 = 0.1;
 
 /// Directions along which polyhedra are looked at before their faces and edges are.
 const LOOKS: usize = 6;
+
+/// A contact within this fraction of the smaller size of a corner bears that corner's number, whatever
+/// rounding makes of it where corners and edges lie over one another: it stays the same from step to step.
+const NAMED: f64 = 1e-3;
 
 /// Features of contacts: a corner of A, a corner of B, two edges, the features that gave the normal. Above
 /// those of the corners.
@@ -136,7 +140,21 @@ impl<'a> Polyhedron<'a> {
         }
     }
 
-    fn ends(&self, edge: &HullEdge) -> [Vec3; 2] {
+    pub(super) fn is_flat(&self) -> bool {
+        self.is_flat
+    }
+
+    pub(super) fn edges(&self) -> &'a [HullEdge] {
+        self.edges
+    }
+
+    /// Outward normal n and offset d of the plane of a face, n . x = d.
+    pub(super) fn plane(&self, face: u32) -> (Vec3, f64) {
+        let Face { normal, offset, .. } = self.faces[face as usize];
+        (normal, offset)
+    }
+
+    pub(super) fn ends(&self, edge: &HullEdge) -> [Vec3; 2] {
         edge.corners.map(|k| self.corners[k as usize])
     }
 
@@ -155,15 +173,30 @@ impl<'a> Polyhedron<'a> {
     }
 
     /// The edges that may come within `reach` of another polyhedron: those with no end, or one, higher than
-    /// that above the plane of every face of it.
-    fn edges_near<'b>(&'b self, other: &Polyhedron<'_>, reach: f64) -> Vec<&'b HullEdge> {
-        let above = |corner: &Vec3| {
-            FaceSet::of(other.faces.iter().map(|face| face.normal.dot(*corner) - face.offset > reach))
-        };
-        let above: Vec<FaceSet> = self.corners.iter().map(above).collect();
+    /// that above the plane of every face of it. Along `normal`, unit and outward, the other reaches
+    /// `farthest` from the origin.
+    fn edges_near<'b>(
+        &'b self,
+        other: &Polyhedron<'_>,
+        (normal, farthest): (Vec3, f64),
+        reach: f64,
+    ) -> Vec<&'b HullEdge> {
+        let is_high: Vec<bool> = self.corners.iter().map(|p| normal.dot(*p) - farthest > reach).collect();
+        let mut above: Vec<Option<FaceSet>> = Vec::new();
+        above.resize_with(self.corners.len(), || None);
         let is_near = |edge: &&HullEdge| {
-            let [from, to] = edge.corners.map(|k| &above[k as usize]);
-            !from.has_common(to)
+            let ends = edge.corners.map(|k| k as usize);
+            if ends.iter().all(|&end| is_high[end]) {
+                return false;
+            }
+            for end in ends {
+                above[end].get_or_insert_with(|| {
+                    let corner = self.corners[end];
+                    FaceSet::of(other.faces.iter().map(|face| face.normal.dot(corner) - face.offset > reach))
+                });
+            }
+            let [from, to] = ends.map(|end| above[end].as_ref());
+            from.zip(to).is_none_or(|(from, to)| !from.has_common(to))
         };
         self.edges.iter().filter(is_near).collect()
     }
@@ -203,14 +236,26 @@ pub(crate) fn polyhedron_contacts(
 ) -> bool {
     let Some(separation) = separation(a, b, unit, envelope) else { return false };
     let Separation { normal, gap, points: [p, q], are_nearest } = separation;
-    clipped(a, b, normal, unit, &mut |point, gap, feature| {
+    let name = |point: Vec3, feature| {
+        let of = |own: &Polyhedron<'_>, toward: Vec3, first: u64| {
+            let is_near = |corner: &&u32| {
+                let away = own.corners[**corner as usize] - point;
+                (away - away.dot(normal) * normal).length_squared() <= (NAMED * unit).powi(2)
+            };
+            own.facing(toward).corners.iter().find(is_near).map(|&corner| first + u64::from(corner))
+        };
+        of(a, normal, CORNER_OF_A).or_else(|| of(b, -normal, CORNER_OF_B)).unwrap_or(feature)
+    };
+    let mut add = |point, gap, feature| {
         if gap <= envelope {
-            touches.push(Touch { point, normal: -normal, gap, feature });
+            touches.push(Touch { point, normal: -normal, gap, feature: name(point, feature) });
         }
-    });
+    };
+    clipped(a, b, normal, unit, &mut add);
     // Overlapping polyhedra always have a contact, even where rounding puts it beside both polygons.
     if are_nearest || (touches.is_empty() && gap <= 0.0) {
-        touches.push(Touch { point: 0.5 * (p + q), normal: -normal, gap, feature: NEAREST });
+        let point = 0.5 * (p + q);
+        touches.push(Touch { point, normal: -normal, gap, feature: name(point, NEAREST) });
     }
     true
 }
@@ -251,13 +296,21 @@ fn separation(a: &Polyhedron<'_>, b: &Polyhedron<'_>, unit: f64, envelope: f64) 
     let mut best: Option<Separation> = None;
     // Faces of A look along the normal, those of B against it.
     for (one, other, sign) in [(a, b, 1.0), (b, a, -1.0)] {
+        // A face has the other solid at most as high above it as this corner: most look away.
+        let toward = other.middle() - one.middle();
+        let nearest = other.corners[other.lowest(toward).0];
         for face in &one.faces {
+            let is_less =
+                |best: &Separation, height: f64| height - face.offset <= best.gap + FACES_FIRST * unit;
+            if best.as_ref().is_some_and(|best| is_less(best, face.normal.dot(nearest))) {
+                continue;
+            }
             let (corner, height) = other.lowest(face.normal);
             let gap = height - face.offset;
             if gap > envelope {
                 return None;
             }
-            if best.as_ref().is_none_or(|best| gap > best.gap + FACES_FIRST * unit) {
+            if !best.as_ref().is_some_and(|best| is_less(best, height)) {
                 let point = other.corners[corner];
                 let foot = point - gap * face.normal;
                 let points = if sign > 0.0 { [foot, point] } else { [point, foot] };
@@ -271,7 +324,9 @@ fn separation(a: &Polyhedron<'_>, b: &Polyhedron<'_>, unit: f64, envelope: f64) 
         return Some(best);
     }
     let reach = if best.gap > 0.0 { bound } else { -best.gap } + BESIDE * unit;
-    let near = [a.edges_near(b, reach), b.edges_near(a, reach)];
+    // The best normal leads from A to B.
+    let [of_a, of_b] = [(best.normal, a), (-best.normal, b)].map(|(n, own)| (n, n.dot(own.farthest(n))));
+    let near = [a.edges_near(b, of_b, reach), b.edges_near(a, of_a, reach)];
     let best = across_edges([a, b], &near, unit, envelope, best)?;
     if best.are_nearest {
         return Some(best);
@@ -401,7 +456,11 @@ fn clipped(
             let [q, s] = [from_b, to_b].map(flat);
             let (left, right) = (cross(p, r, q), cross(p, r, s));
             let (before, beyond) = (cross(q, s, p), cross(q, s, r));
-            if left * right < 0.0 && before * beyond < 0.0 {
+            // Sides that lie along each other have corners of one on the other, and cross nowhere.
+            let apart = |one: f64, two: f64, [a, b]: [[f64; 2]; 2]| {
+                one * two < 0.0 && (one - two).abs() > BESIDE * unit * real::hypot(b[0] - a[0], b[1] - a[1])
+            };
+            if apart(left, right, [p, r]) && apart(before, beyond, [q, s]) {
                 let on_a = from_a + before / (before - beyond) * (to_a - from_a);
                 let on_b = from_b + left / (left - right) * (to_b - from_b);
                 let feature = EDGES + (u64::from(p0) << 20) + u64::from(q0);

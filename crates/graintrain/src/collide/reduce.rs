@@ -133,21 +133,29 @@ fn keep_four(patch: &mut Vec<Touch>) {
     let mut kept = vec![0, far];
     kept.extend([(left, left_area), (right, right_area)].iter().filter(|(_, area)| *area > 0.0).map(|p| p.0));
     let extent = real::hypot(flat[far][0], flat[far][1]);
-    let place = |i: usize| [flat[i][0] / extent, flat[i][1] / extent, patch[i].gap / extent];
+    let place: Vec<[f64; 3]> =
+        flat.iter().zip(&*patch).map(|(&[x, y], t)| [x, y, t.gap].map(|x| x / extent)).collect();
     let mut places: Vec<[f64; 3]> = Vec::with_capacity(MOST);
     let mut next = kept.clone();
+    let mut simplices = Vec::new();
     // Those that are not held, in the order of their gaps, with the lower hull there.
     let mut open: Vec<(usize, f64)> = (0..patch.len()).map(|i| (i, f64::INFINITY)).collect();
     while extent > 0.0 && !next.is_empty() {
         for corner in next.drain(..) {
-            places.push(place(corner));
-            open.iter_mut().for_each(|(i, hull)| *hull = hull.min(hull_with_last(place(*i), &places)));
+            places.push(place[corner]);
+            Simplex::with_last(&places, &mut simplices);
+            open.retain_mut(|(i, hull)| {
+                let p = place[*i];
+                simplices.iter().all(|simplex| {
+                    *hull = hull.min(simplex.gap_at(p));
+                    *hull - p[2] > NEARER
+                })
+            });
         }
-        open.retain(|&(i, hull)| hull - place(i)[2] > NEARER);
         let Some(&(first, _)) = open.first().filter(|_| places.len() < MOST) else { break };
         // Those whose gaps differ by rounding alone are equals.
-        let equals = open.iter().take_while(|(i, _)| place(*i)[2] <= place(first)[2] + NEARER);
-        let depth = |&(i, hull): &(usize, f64)| hull - place(i)[2];
+        let equals = open.iter().take_while(|(i, _)| place[*i][2] <= place[first][2] + NEARER);
+        let depth = |&(i, hull): &(usize, f64)| hull - place[i][2];
         let lowest = equals.fold(&open[0], |best, one| if depth(one) > depth(best) { one } else { best }).0;
         kept.push(lowest);
         next.push(lowest);
@@ -155,39 +163,86 @@ fn keep_four(patch: &mut Vec<Touch>) {
     *patch = kept.into_iter().map(|i| patch[i]).collect();
 }
 
-/// The gap of the lowest of the lines and triangles with the last of the kept points as a corner, at the
-/// place of `p` (two coordinates in the patch, gap), give or take [`BEYOND`]; infinite where none is there.
-/// Lengths in units of the patch's extent. Cost: k^2 / 2 for k points.
-fn hull_with_last(p: [f64; 3], kept: &[[f64; 3]]) -> f64 {
-    let cross =
-        |a: [f64; 3], b: [f64; 3], c: [f64; 3]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-    let apart = |a: [f64; 3], b: [f64; 3]| real::hypot(a[0] - b[0], a[1] - b[1]);
-    let Some((&a, others)) = kept.split_last() else { return f64::INFINITY };
-    let mut hull = f64::INFINITY;
-    for (j, &b) in others.iter().enumerate() {
-        let length = apart(a, b);
-        if length > BEYOND {
-            let along = ((p[0] - a[0]) * (b[0] - a[0]) + (p[1] - a[1]) * (b[1] - a[1])) / (length * length);
-            let inside = along * length >= -BEYOND && (along - 1.0) * length <= BEYOND;
-            if inside && cross(a, b, p).abs() / length <= BEYOND {
-                hull = hull.min(a[2] + along * (b[2] - a[2]));
-            }
+/// A linear function of the place in the patch: its value at the origin, its slopes.
+#[derive(Clone, Copy)]
+struct Linear([f64; 3]);
+
+impl Linear {
+    /// The distance along a direction from a point.
+    fn along(direction: [f64; 2], from: [f64; 3]) -> Self {
+        let [x, y] = direction;
+        Self([-(x * from[0] + y * from[1]), x, y])
+    }
+
+    fn at(self, p: [f64; 3]) -> f64 {
+        let Self([start, x, y]) = self;
+        start + x * p[0] + y * p[1]
+    }
+
+    fn plus(self, factor: f64, other: Self) -> Self {
+        Self(std::array::from_fn(|k| self.0[k] + factor * other.0[k]))
+    }
+}
+
+/// Two or three of the kept points: the line or triangle between them holds off what lies above it. Places
+/// are two coordinates in the patch and a gap, in units of the patch's extent.
+struct Simplex {
+    /// Distances inside its borders.
+    inside: [Linear; 4],
+    gap: Linear,
+}
+
+impl Simplex {
+    fn line(a: [f64; 3], b: [f64; 3], length: f64) -> Self {
+        let [x, y] = [(b[0] - a[0]) / length, (b[1] - a[1]) / length];
+        let from_a = Linear::along([x, y], a);
+        let inside =
+            [from_a, Linear::along([-x, -y], b), Linear::along([-y, x], a), Linear::along([y, -x], a)];
+        Self { inside, gap: Linear([a[2], 0.0, 0.0]).plus((b[2] - a[2]) / length, from_a) }
+    }
+
+    /// `sides` are the lengths of those opposite to the corners, which run counter-clockwise.
+    fn triangle([a, b, c]: [[f64; 3]; 3], sides: [f64; 3]) -> Self {
+        let nothing = Linear([0.0; 3]);
+        let mut triangle = Self { inside: [nothing; 4], gap: nothing };
+        for (k, (corner, from, to)) in [(a, b, c), (b, c, a), (c, a, b)].into_iter().enumerate() {
+            let left = [(from[1] - to[1]) / sides[k], (to[0] - from[0]) / sides[k]];
+            let height = Linear::along(left, from);
+            triangle.inside[k] = height;
+            triangle.gap = triangle.gap.plus(corner[2] / height.at(corner), height);
         }
-        for &c in &others[j + 1..] {
-            let area = cross(a, b, c);
-            let longest = length.max(apart(b, c)).max(apart(c, a));
-            if area.abs() <= BEYOND * longest {
-                continue;
+        triangle
+    }
+
+    /// Its gap at the place of `p`, give or take [`BEYOND`]; infinite elsewhere.
+    fn gap_at(&self, p: [f64; 3]) -> f64 {
+        if self.inside.iter().all(|inside| inside.at(p) >= -BEYOND) { self.gap.at(p) } else { f64::INFINITY }
+    }
+
+    /// Those with the last of the kept points as a corner, but for those without extent.
+    fn with_last(kept: &[[f64; 3]], simplices: &mut Vec<Self>) {
+        let apart = |a: [f64; 3], b: [f64; 3]| real::hypot(a[0] - b[0], a[1] - b[1]);
+        simplices.clear();
+        let Some((&a, others)) = kept.split_last() else { return };
+        for (j, &b) in others.iter().enumerate() {
+            let length = apart(a, b);
+            if length > BEYOND {
+                simplices.push(Self::line(a, b, length));
             }
-            let weights = [cross(p, b, c) / area, cross(a, p, c) / area, cross(a, b, p) / area];
-            // A weight times the height over the opposite side is the distance from that side.
-            let sides = [apart(b, c), apart(c, a), length];
-            if (0..3).all(|k| weights[k] * area.abs() / sides[k] >= -BEYOND) {
-                hull = hull.min(weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2]);
+            for &c in &others[j + 1..] {
+                let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+                let sides = [apart(b, c), apart(c, a), length];
+                if area.abs() <= BEYOND * sides.into_iter().fold(0.0, f64::max) {
+                    continue;
+                }
+                simplices.push(if area > 0.0 {
+                    Self::triangle([a, b, c], sides)
+                } else {
+                    Self::triangle([a, c, b], [sides[0], sides[2], sides[1]])
+                });
             }
         }
     }
-    hull
 }
 
 #[cfg(test)]

@@ -151,34 +151,6 @@ fn inside_polygon(hull: &Hull, face: &HullFace, p: Vec3) -> f64 {
     inside.fold(f64::INFINITY, f64::min)
 }
 
-/// Where on the segment `centre + t * half`, t in [-1, 1], it is nearest to an edge of the hull. A segment
-/// outside is nearest to the hull there, or over a face: then at an end or where it crosses from one face to
-/// the next.
-pub(crate) fn nearest_to_edges(hull: &Hull, centre: Vec3, half: Vec3) -> f64 {
-    let square = half.length_squared();
-    let along_segment = |p: Vec3| (half.dot(p - centre) / square).clamp(-1.0, 1.0);
-    let mut best = (f64::INFINITY, 0.0);
-    let above = FaceSet::above(hull, [centre - half, centre + half]);
-    for edge in hull.edges().iter().filter(|edge| above.holds_one_of(edge.faces)) {
-        let [a, b] = edge.corners.map(|k| hull.corners()[k as usize]);
-        let along = b - a;
-        let on_edge = |p: Vec3| a + (along.dot(p - a) / along.length_squared()).clamp(0.0, 1.0) * along;
-        // Of two lines that cross askew; clamped to the segment, then to the edge, then to the segment again.
-        let (mixed, edge_square) = (half.dot(along), along.length_squared());
-        let determinant = square * edge_square - mixed * mixed;
-        let start = a - centre;
-        let askew = (half.dot(start) * edge_square - along.dot(start) * mixed) / determinant;
-        let t = if askew.is_finite() { askew.clamp(-1.0, 1.0) } else { 0.0 };
-        let q = on_edge(centre + t * half);
-        let t = along_segment(q);
-        let distance = (centre + t * half - q).length_squared();
-        if distance < best.0 {
-            best = (distance, t);
-        }
-    }
-    best.1
-}
-
 /// Some faces of a hull.
 pub(crate) struct FaceSet([u64; MOST_FACES.div_ceil(64)]);
 

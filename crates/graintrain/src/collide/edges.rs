@@ -1,0 +1,121 @@
+//! Edges of a solid against the edges of a polyhedron.
+//!
+//! Along an edge of the one, the distance s from the other is linear while the nearest points lie inside one
+//! face, and bends where they go over the border of a face: at the *crossings*, which lie over an edge of
+//! the other at the height of that face. Beyond, the nearest points lie on that edge, and s is least where
+//! the two edges are nearest to each other, if the way from there leads between the normals of both faces.
+//! All of these points are known in closed form. Where the nearest point is a corner of the other, that
+//! corner's own distance from the first solid says the same.
+
+use super::polyhedra::Polyhedron;
+use crate::math::Vec3;
+use crate::shape::Distance;
+
+/// Sine squared of the angle below which edges are parallel: they have no point that is nearest.
+const PARALLEL: f64 = 1e-12;
+
+/// An edge of a polyhedron near another solid.
+struct Rim {
+    number: usize,
+    from: Vec3,
+    along: Vec3,
+    /// Of each of its faces: normal, offset, and the direction in the face that leads out of it.
+    faces: [(Vec3, f64, Vec3); 2],
+}
+
+/// The edges of a polyhedron that come as near as `envelope`, m, to another solid: those with an end that
+/// `is_near`.
+pub(super) struct Rims {
+    rims: Vec<Rim>,
+    /// Lower and upper corner of the box around each, widened by the envelope.
+    bounds: Vec<[Vec3; 2]>,
+    around: [Vec3; 2],
+}
+
+/// A point of an edge with its distance from the polyhedron.
+pub(super) struct EdgePoint {
+    pub point: Vec3,
+    pub distance: Distance,
+    /// Whether it is a crossing: over an edge, at the height of a face.
+    pub is_crossing: bool,
+    /// Its number among those of the edge: zero where edges are nearest to each other, else one of
+    /// [`Rims::numbers`].
+    pub number: u64,
+}
+
+impl Rims {
+    pub(super) fn of(polyhedron: &Polyhedron<'_>, is_near: &[bool], envelope: f64) -> Self {
+        let mut found =
+            Self { rims: Vec::new(), bounds: Vec::new(), around: [Vec3::INFINITY, Vec3::NEG_INFINITY] };
+        for (number, edge) in polyhedron.edges().iter().enumerate() {
+            if !edge.corners.iter().any(|&end| is_near[end as usize]) {
+                continue;
+            }
+            let [from, to] = polyhedron.ends(edge);
+            let along = to - from;
+            let faces = edge.faces.map(|face| polyhedron.plane(face));
+            let out_of = |own: usize| {
+                let out = faces[own].0.cross(along);
+                // Over the edge of a convex body, the one face leads out of the half-space of the other.
+                if out.dot(faces[1 - own].0) < 0.0 { -out } else { out }
+            };
+            let faces = [0, 1].map(|k| (faces[k].0, faces[k].1, out_of(k)));
+            let (low, high) = (from.min(to) - envelope, from.max(to) + envelope);
+            found.rims.push(Rim { number, from, along, faces });
+            found.bounds.push([low, high]);
+            found.around = [found.around[0].min(low), found.around[1].max(high)];
+        }
+        found
+    }
+
+    /// Numbers of the points of one edge: below 1 + 2 * `edges`, for a polyhedron with so many edges.
+    pub(super) fn numbers(polyhedron: &Polyhedron<'_>) -> u64 {
+        1 + 2 * polyhedron.edges().len() as u64
+    }
+
+    /// Calls `each` with the points inside the edge from `p` to `q` at which the distance from the
+    /// polyhedron bends or is least. Cost: one box per rim, some 50 operations for those whose boxes meet.
+    pub(super) fn points(&self, [p, q]: [Vec3; 2], each: &mut dyn FnMut(EdgePoint)) {
+        let (low, high) = (p.min(q), p.max(q));
+        let meets = |[l, h]: &[Vec3; 2]| !(low.cmpgt(*h) | high.cmplt(*l)).any();
+        if !meets(&self.around) {
+            return;
+        }
+        let way = q - p;
+        let square = way.length_squared();
+        for rim in self.rims.iter().zip(&self.bounds).filter(|(_, bounds)| meets(bounds)).map(|(rim, _)| rim)
+        {
+            let &Rim { number, from, along, faces, .. } = rim;
+            let start = from - p;
+            let along_square = along.length_squared();
+            let (mixed, of_way, of_along) = (way.dot(along), way.dot(start), along.dot(start));
+            let determinant = square * along_square - mixed * mixed;
+            let t = (of_way * along_square - of_along * mixed) / determinant;
+            let s = (of_way * mixed - of_along * square) / determinant;
+            let inside = |x: f64| x > 0.0 && x < 1.0;
+            if determinant > PARALLEL * square * along_square && inside(t) && inside(s) {
+                let point = p + t * way;
+                let away = point - (from + s * along);
+                let value = away.length();
+                if value > 0.0 && faces.iter().all(|(_, _, out)| out.dot(away) >= 0.0) {
+                    let distance = Distance { value, normal: away / value };
+                    each(EdgePoint { point, distance, is_crossing: false, number: 0 });
+                }
+            }
+            for (side, (normal, offset, out)) in faces.into_iter().enumerate() {
+                let t = out.dot(start) / out.dot(way);
+                if !inside(t) {
+                    continue;
+                }
+                let point = p + t * way;
+                let value = normal.dot(point) - offset;
+                let s = along.dot(point - from) / along_square;
+                if value > 0.0 && (0.0..=1.0).contains(&s) {
+                    let distance = Distance { value, normal };
+                    let number = 1 + 2 * number as u64 + side as u64;
+                    each(EdgePoint { point, distance, is_crossing: true, number });
+                }
+            }
+        }
+    }
+}
