@@ -43,6 +43,12 @@ pub(super) struct EdgePoint {
     pub number: u64,
 }
 
+/// Whether a fraction lies between 0 and 1.
+fn lies_inside(numerator: f64, denominator: f64) -> bool {
+    let numerator = if denominator < 0.0 { -numerator } else { numerator };
+    numerator > 0.0 && numerator < denominator.abs()
+}
+
 impl Rims {
     pub(super) fn of(polyhedron: &Polyhedron<'_>, is_near: &[bool], envelope: f64) -> Self {
         let mut found =
@@ -90,10 +96,14 @@ impl Rims {
             let along_square = along.length_squared();
             let (mixed, of_way, of_along) = (way.dot(along), way.dot(start), along.dot(start));
             let determinant = square * along_square - mixed * mixed;
-            let t = (of_way * along_square - of_along * mixed) / determinant;
-            let s = (of_way * mixed - of_along * square) / determinant;
-            let inside = |x: f64| x > 0.0 && x < 1.0;
-            if determinant > PARALLEL * square * along_square && inside(t) && inside(s) {
+            let over_t = of_way * along_square - of_along * mixed;
+            let over_s = of_way * mixed - of_along * square;
+            // Divided only where it is needed: a fraction lies inside if its numerator does.
+            if determinant > PARALLEL * square * along_square
+                && lies_inside(over_t, determinant)
+                && lies_inside(over_s, determinant)
+            {
+                let (t, s) = (over_t / determinant, over_s / determinant);
                 let point = p + t * way;
                 let away = point - (from + s * along);
                 let value = away.length();
@@ -103,11 +113,11 @@ impl Rims {
                 }
             }
             for (side, (normal, offset, out)) in faces.into_iter().enumerate() {
-                let t = out.dot(start) / out.dot(way);
-                if !inside(t) {
+                let (to_border, rate) = (out.dot(start), out.dot(way));
+                if !lies_inside(to_border, rate) {
                     continue;
                 }
-                let point = p + t * way;
+                let point = p + to_border / rate * way;
                 let value = normal.dot(point) - offset;
                 let s = along.dot(point - from) / along_square;
                 if value > 0.0 && (0.0..=1.0).contains(&s) {

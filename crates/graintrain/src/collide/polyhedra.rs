@@ -201,6 +201,20 @@ impl<'a> Polyhedron<'a> {
         self.edges.iter().filter(is_near).collect()
     }
 
+    /// The edges across which it may be farther than `gap` from a solid that has the point `q`: across an edge
+    /// with a corner p it is at most n . (q - p) away, and n lies on the arc between the normals of both
+    /// faces, so that n = a n_1 + b n_2 with a + b up to sqrt(2 / (1 + n_1 . n_2)).
+    fn edges_toward(&self, q: Vec3, gap: f64) -> Vec<&HullEdge> {
+        let is_toward = |edge: &&HullEdge| {
+            let way = q - self.corners[edge.corners[0] as usize];
+            let normals = edge.faces.map(|k| self.faces[k as usize].normal);
+            let most = way.dot(normals[0]).max(way.dot(normals[1]));
+            let cosine = normals[0].dot(normals[1]);
+            gap <= 0.0 || (most > 0.0 && 2.0 * most * most > gap * gap * (1.0 + cosine))
+        };
+        self.edges.iter().filter(is_toward).collect()
+    }
+
     fn middle(&self) -> Vec3 {
         self.corners.iter().sum::<Vec3>() / self.corners.len() as f64
     }
@@ -332,8 +346,12 @@ fn separation(a: &Polyhedron<'_>, b: &Polyhedron<'_>, unit: f64, envelope: f64) 
         return Some(best);
     }
     // Nearest with a corner: the normal that all edges give is nearer to the way from it.
-    let all = [a.edges.iter().collect(), b.edges.iter().collect()];
-    across_edges([a, b], &all, unit, envelope, best)
+    let [p, q] = [a.farthest(best.normal), b.farthest(-best.normal)];
+    // Those of a triangle have no arcs.
+    let any = a.is_flat || b.is_flat;
+    let facing = [(a, q), (b, p)]
+        .map(|(own, other)| if any { own.edges.iter().collect() } else { own.edges_toward(other, best.gap) });
+    across_edges([a, b], &facing, unit, envelope, best)
 }
 
 /// The best separation known, or that across an edge of each polyhedron, of those given; `None` if they are
@@ -347,12 +365,13 @@ fn across_edges(
 ) -> Option<Separation> {
     let toward = b.middle() - a.middle();
     let any = a.is_flat || b.is_flat;
+    let arcs_b: Vec<Arc> = edges_b.iter().map(|edge| Arc::of(b, edge, -1.0)).collect();
     for edge_a in edges_a {
         let [p0, p1] = a.ends(edge_a);
         let along_a = p1 - p0;
-        let of_a = edge_a.faces.map(|k| a.faces[k as usize].normal);
-        for edge_b in edges_b {
-            if !any && !arcs_cross(of_a, edge_b.faces.map(|k| -b.faces[k as usize].normal)) {
+        let arc_a = Arc::of(a, edge_a, 1.0);
+        for (edge_b, arc_b) in edges_b.iter().zip(&arcs_b) {
+            if !any && !arc_a.crosses(arc_b) {
                 continue;
             }
             let [q0, q1] = b.ends(edge_b);
@@ -364,7 +383,7 @@ fn across_edges(
             }
             let mut normal = across / length;
             // Away from A: for polyhedra without volume the side is the one on which B is.
-            let outward = if any { normal.dot(toward) } else { normal.dot(of_a[0] + of_a[1]) };
+            let outward = if any { normal.dot(toward) } else { normal.dot(arc_a.ends[0] + arc_a.ends[1]) };
             if outward < 0.0 {
                 normal = -normal;
             }
@@ -383,12 +402,27 @@ fn across_edges(
     Some(best)
 }
 
-/// Whether the arcs from a to b and from c to d on the unit sphere cross.
-fn arcs_cross([a, b]: [Vec3; 2], [c, d]: [Vec3; 2]) -> bool {
-    let (b_a, d_c) = (b.cross(a), d.cross(c));
-    let (cba, dba) = (c.dot(b_a), d.dot(b_a));
-    let (adc, bdc) = (a.dot(d_c), b.dot(d_c));
-    cba * dba < 0.0 && adc * bdc < 0.0 && cba * bdc > 0.0
+/// The arc between the normals of both faces of an edge, on the unit sphere.
+struct Arc {
+    ends: [Vec3; 2],
+    /// Normal of its plane.
+    across: Vec3,
+}
+
+impl Arc {
+    fn of(polyhedron: &Polyhedron<'_>, edge: &HullEdge, sign: f64) -> Self {
+        let ends = edge.faces.map(|k| sign * polyhedron.faces[k as usize].normal);
+        Self { ends, across: ends[1].cross(ends[0]) }
+    }
+
+    fn crosses(&self, other: &Self) -> bool {
+        let [c, d] = other.ends.map(|end| end.dot(self.across));
+        if c * d >= 0.0 {
+            return false;
+        }
+        let [a, b] = self.ends.map(|end| end.dot(other.across));
+        a * b < 0.0 && c * b > 0.0
+    }
 }
 
 /// Where two lines that are not parallel are nearest to each other, as fractions of their directions.
