@@ -38,9 +38,9 @@ use materials::materials;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-/// Contact envelope as a fraction of the smallest radius: wide enough that the contacts of a settled packing
-/// persist while it moves, narrow enough that few contacts without force are solved for.
-const ENVELOPE: f64 = 0.3;
+/// Contact envelope as a fraction of the smallest radius: what bodies that rest are pushed by others within a
+/// step, and few contacts without force. What closes by the bodies' own velocities is a contact anyway.
+const ENVELOPE: f64 = 0.05;
 
 /// Overlap accepted at the start, as a fraction of the smallest radius: what settled packings from other
 /// programs have.

@@ -39,8 +39,10 @@ fn data(file: &str) -> Option<String> {
 
 /// Deepest overlap as a fraction of the smallest radius.
 fn overlap(simulation: &Simulation) -> f64 {
-    deepest_overlap(&simulation.world).map_or(0.0, |overlap| overlap.depth) * 0.3
-        / simulation.settings.envelope
+    let world = &simulation.world;
+    let sizes =
+        world.geometries.iter().flat_map(|geometry| &geometry.parts).map(|p| p.shape.half_thickness());
+    deepest_overlap(world).map_or(0.0, |overlap| overlap.depth) / sizes.fold(f64::INFINITY, f64::min)
 }
 
 #[test]

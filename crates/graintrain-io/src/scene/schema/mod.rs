@@ -391,7 +391,7 @@ static CONTACT: Table = Table {
         key(
             "envelope",
             Quantity(D::LENGTH),
-            "0.3 x the smallest radius",
+            "0.05 x the smallest radius",
             "\"3 cm\"",
             "Pairs closer than this become contacts",
         ).within(Range::Positive),
