@@ -175,7 +175,8 @@ impl Collider {
         }
         let poses = poses.ceil().max(1.0);
         let mut touches = Vec::new();
-        (1..=poses as u32).all(|k| {
+        // From the end, where those that do not pass are deepest.
+        (1..=poses as u32).rev().all(|k| {
             let time = step * f64::from(k) / poses;
             touches.clear();
             body_contacts(

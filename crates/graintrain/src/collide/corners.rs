@@ -28,6 +28,7 @@ use super::reduce::{SAME_PATCH, Touch};
 use super::triangle::{TriangleFeature, nearest_on_triangle};
 use crate::math::Vec3;
 use crate::shape::{Corners, Distance};
+use std::borrow::Cow;
 
 /// Points nearer than this fraction of the smaller size are left to the library.
 const CLEAR: f64 = 1e-6;
@@ -76,9 +77,11 @@ impl Front {
 
 /// One of both solids with its corners, and the other in front of which they are.
 struct Side<'a> {
-    corners: Corners,
+    corners: Cow<'a, [Vec3]>,
     /// The corners that are not high in front of the other: all others touch nothing.
     is_near: Vec<bool>,
+    /// Edges with an end that is near, and their numbers.
+    near_edges: Vec<(u64, [usize; 2])>,
     other: Solid<'a>,
     front: Front,
     /// From the other solid to this one.
@@ -89,13 +92,11 @@ struct Side<'a> {
     first: u64,
 }
 
-/// Adds the points that are missing in `touches`, which hold what the library found for this pair. `unit` is
-/// the size of the smaller solid; normals point from B to A. `polyhedra` are the solids relative to `origin`,
-/// those that are polyhedra.
+/// Adds the points that are missing in `touches`, which hold what was found for this pair. `unit` is the size
+/// of the smaller solid; normals point from B to A. `polyhedra` are those of the solids that are such.
 pub(crate) fn add_corners(
     [a, b]: [Solid<'_>; 2],
     polyhedra: [Option<&Polyhedron<'_>>; 2],
-    origin: Vec3,
     (unit, envelope): (f64, f64),
     touches: &mut Vec<Touch>,
 ) {
@@ -105,25 +106,12 @@ pub(crate) fn add_corners(
     let library = touches.iter().min_by(|x, y| x.gap.total_cmp(&y.gap)).copied();
     let toward = library.map_or(b.centre() - a.centre(), |touch| -touch.normal);
     let highest = envelope + ROUNDING * unit;
-    let side = |own: Solid<'_>, other, toward: Vec3, sign, first| {
-        let (corners, front) = (own.corners(toward), Front::of(other, -toward));
-        let is_near = corners.points.iter().map(|&p| front.height(p) <= highest).collect();
-        Side { corners, is_near, other, front, outward: -toward, sign, first }
-    };
-    let sides = [side(a, b, toward, 1.0, 1), side(b, a, -toward, -1.0, OF_B)];
-    let mut candidates = Vec::new();
-    for (own, side) in sides.iter().enumerate() {
-        of_corners(side, envelope, &mut candidates);
-        match polyhedra[1 - own] {
-            // What borders of triangles are to a mesh is its own affair.
-            Some(other) if other.is_flat() => {}
-            Some(other) => {
-                let rims = Rims::of(other, &sides[1 - own].is_near, highest);
-                at_rims(side, other, &rims, (origin, envelope), &mut candidates);
-            }
-            None => of_edges(side, envelope, &mut candidates),
-        }
-    }
+    let [of_a, of_b] = polyhedra;
+    let sides = [
+        Side::of((a, of_a), b, toward, (1.0, 1), highest),
+        Side::of((b, of_b), a, -toward, (-1.0, OF_B), highest),
+    ];
+    let candidates = candidates(&sides, polyhedra, envelope, highest);
     let nearest = candidates
         .iter()
         .min_by(|x, y| x.distance.value.total_cmp(&y.distance.value).then(x.feature.cmp(&y.feature)));
@@ -132,28 +120,8 @@ pub(crate) fn add_corners(
     let first = if overlooked { Some(nearest.feature) } else { None };
     let normal = if overlooked { nearest.distance.normal } else { -toward };
     let known = touches.len();
-    let same = |known: &[Touch], point: Vec3, normal: Vec3| {
-        let near = |touch: &Touch| (touch.point - point).length() <= SAME_POINT * unit;
-        known.iter().any(|touch| near(touch) && touch.normal.dot(normal) >= SAME_PATCH)
-    };
     if library.is_some() {
-        let normal = -toward;
-        for Side { corners, other, front, outward, first, .. } in &sides {
-            for (feature, &p) in (*first..).zip(&corners.points) {
-                // What is higher than this touches nothing.
-                if front.height(p) > MARGIN * unit {
-                    continue;
-                }
-                if let Some(gap) = other.height_on_face(p, *outward, unit)
-                    && gap <= envelope
-                {
-                    let point = p - 0.5 * gap * *outward;
-                    if !same(&touches[..known], point, normal) {
-                        touches.push(Touch { point, normal, gap, feature });
-                    }
-                }
-            }
-        }
+        add_touching(&sides, unit, envelope, touches);
     }
     for candidate in &candidates {
         let Distance { value, normal: own } = candidate.distance;
@@ -164,22 +132,85 @@ pub(crate) fn add_corners(
                 || (alike >= SAME_PATCH && value >= MARGIN * unit)
                 || alike >= 1.0 - 1e-6
                 || (candidate.is_corner && candidate.inside >= MARGIN * unit));
-        let same = |touch: &Touch| {
-            (touch.point - candidate.point).length() <= SAME_POINT * unit
-                && touch.normal.dot(own) >= SAME_PATCH
-        };
-        if taken && !touches[..known].iter().any(same) {
-            touches.push(Touch {
-                point: candidate.point,
-                normal: own,
-                gap: value,
-                feature: candidate.feature,
-            });
+        let touch = Touch { point: candidate.point, normal: own, gap: value, feature: candidate.feature };
+        if taken && !is_among(&touches[..known], &touch, unit) {
+            touches.push(touch);
         }
     }
 }
 
-impl Side<'_> {
+/// Whether a touch is one of those that are known.
+fn is_among(known: &[Touch], touch: &Touch, unit: f64) -> bool {
+    let near = |other: &Touch| (other.point - touch.point).length() <= SAME_POINT * unit;
+    known.iter().any(|other| near(other) && other.normal.dot(touch.normal) >= SAME_PATCH)
+}
+
+/// Points of both near the other.
+fn candidates(
+    sides: &[Side<'_>; 2],
+    polyhedra: [Option<&Polyhedron<'_>>; 2],
+    envelope: f64,
+    highest: f64,
+) -> Vec<Candidate> {
+    let mut candidates = Vec::new();
+    for (own, side) in sides.iter().enumerate() {
+        of_corners(side, envelope, &mut candidates);
+        match polyhedra[1 - own] {
+            // What borders of triangles are to a mesh is its own affair.
+            Some(other) if other.is_flat() => {}
+            Some(other) => {
+                let rims = Rims::of(other, &sides[1 - own].is_near, highest);
+                at_rims(side, other, &rims, envelope, &mut candidates);
+            }
+            None => of_edges(side, envelope, &mut candidates),
+        }
+    }
+    candidates
+}
+
+/// Adds the corners that touch a face with the normal that was found.
+fn add_touching(sides: &[Side<'_>; 2], unit: f64, envelope: f64, touches: &mut Vec<Touch>) {
+    let known = touches.len();
+    for Side { corners, other, front, outward, sign, first, .. } in sides {
+        for (feature, &p) in (*first..).zip(corners.iter()) {
+            // What is higher than this touches nothing.
+            if front.height(p) > MARGIN * unit {
+                continue;
+            }
+            if let Some(gap) = other.height_on_face(p, *outward, unit)
+                && gap <= envelope
+            {
+                let point = p - 0.5 * gap * *outward;
+                let touch = Touch { point, normal: *sign * *outward, gap, feature };
+                if !is_among(&touches[..known], &touch, unit) {
+                    touches.push(touch);
+                }
+            }
+        }
+    }
+}
+
+impl<'a> Side<'a> {
+    /// A solid, as a polyhedron if it is one, in front of the `other`, `toward` which it looks; corners up to
+    /// `highest` above the front of that one are near, m.
+    fn of(
+        (own, polyhedron): (Solid<'a>, Option<&'a Polyhedron<'_>>),
+        other: Solid<'a>,
+        toward: Vec3,
+        (sign, first): (f64, u64),
+        highest: f64,
+    ) -> Self {
+        let front = Front::of(other, -toward);
+        let round = if polyhedron.is_none() { own.corners(toward) } else { Corners::default() };
+        let corners = polyhedron.map_or(Cow::Owned(round.points), |own| Cow::Borrowed(own.corners()));
+        let is_near: Vec<bool> = corners.iter().map(|&p| front.height(p) <= highest).collect();
+        let straight = polyhedron.filter(|own| !own.is_flat()).map_or(&[][..], |own| own.edges());
+        let edges = straight.iter().map(|edge| edge.corners.map(|end| end as usize)).chain(round.edges);
+        let ends_near = |(_, edge): &(u64, [usize; 2])| edge.iter().any(|&end| is_near[end]);
+        let near_edges = (0..).zip(edges).filter(ends_near).collect();
+        Self { corners, is_near, near_edges, other, front, outward: -toward, sign, first }
+    }
+
     /// A point of this solid, or none where it is not as near as the envelope to the other.
     fn candidate(&self, p: Vec3, is_corner: bool, feature: u64, envelope: f64) -> Option<Candidate> {
         let (distance, inside) = self.other.distance(p, envelope)?;
@@ -195,20 +226,14 @@ impl Side<'_> {
 
     /// Numbers of the points of edges begin here.
     fn first_of_edges(&self) -> u64 {
-        self.first + (self.corners.points.len() as u64).max(64)
-    }
-
-    /// Edges with an end that is near, and their numbers.
-    fn near_edges(&self) -> impl Iterator<Item = (u64, [usize; 2])> + '_ {
-        let is_near = |(_, edge): &(u64, [usize; 2])| edge.iter().any(|&end| self.is_near[end]);
-        (0..).zip(self.corners.edges.iter().copied()).filter(is_near)
+        self.first + (self.corners.len() as u64).max(64)
     }
 }
 
 /// Corners of one solid near the other. Features count up from the first of the side, and stay below 2^32:
 /// the library's own numbers are larger, or zero.
 fn of_corners(side: &Side<'_>, envelope: f64, candidates: &mut Vec<Candidate>) {
-    for (number, &p) in side.corners.points.iter().enumerate() {
+    for (number, &p) in side.corners.iter().enumerate() {
         if side.is_near[number] {
             candidates.extend(side.candidate(p, true, side.first + number as u64, envelope));
         }
@@ -220,16 +245,16 @@ fn at_rims(
     side: &Side<'_>,
     other: &Polyhedron<'_>,
     rims: &Rims,
-    (origin, envelope): (Vec3, f64),
+    envelope: f64,
     candidates: &mut Vec<Candidate>,
 ) {
-    for (number, edge) in side.near_edges() {
+    for &(number, edge) in &side.near_edges {
         let feature = side.first_of_edges() + Rims::numbers(other) * number;
-        rims.points(edge.map(|end| side.corners.points[end] - origin), &mut |found| {
+        rims.points(edge.map(|end| side.corners[end]), &mut |found| {
             let EdgePoint { point, distance, is_crossing, number } = found;
             if distance.value <= envelope {
                 let inside = if is_crossing { 0.0 } else { f64::NEG_INFINITY };
-                candidates.push(side.at(origin + point, distance, inside, false, feature + number));
+                candidates.push(side.at(point, distance, inside, false, feature + number));
             }
         });
     }
@@ -240,9 +265,9 @@ fn of_edges(side: &Side<'_>, envelope: f64, candidates: &mut Vec<Candidate>) {
     let &Solid::Placed { shape, position, orientation } = &side.other else { return };
     let form = shape.form();
     let inverse = orientation.conjugate();
-    let mut distances: Vec<Option<Distance>> = vec![None; side.corners.points.len()];
-    for (number, edge) in side.near_edges() {
-        let [p, q] = edge.map(|end| inverse * (side.corners.points[end] - position));
+    let mut distances: Vec<Option<Distance>> = vec![None; side.corners.len()];
+    for &(number, edge) in &side.near_edges {
+        let [p, q] = edge.map(|end| inverse * (side.corners[end] - position));
         let (centre, half) = (0.5 * (p + q), 0.5 * (q - p));
         let [at_p, at_q] = [(edge[0], p), (edge[1], q)]
             .map(|(end, p)| *distances[end].get_or_insert_with(|| form.signed_distance(p)));
@@ -317,15 +342,11 @@ impl Solid<'_> {
         (height >= -MARGIN * unit && height <= CLEAR * unit).then_some(height)
     }
 
-    /// Its corners and edges, in the world.
+    /// Corners and edges of what is round, where it is.
     fn corners(self, toward: Vec3) -> Corners {
-        match self {
-            Self::Triangle(corners) => Corners { points: corners.to_vec(), edges: Vec::new() },
-            Self::Placed { shape, position, orientation } => {
-                let mut corners = shape.form().corners(orientation.conjugate() * toward);
-                corners.points.iter_mut().for_each(|p| *p = position + orientation * *p);
-                corners
-            }
-        }
+        let Self::Placed { shape, position, orientation } = self else { return Corners::default() };
+        let mut corners = shape.form().corners(orientation.conjugate() * toward);
+        corners.points.iter_mut().for_each(|p| *p = position + orientation * *p);
+        corners
     }
 }

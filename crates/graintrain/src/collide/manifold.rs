@@ -23,15 +23,24 @@ pub(crate) enum Solid<'a> {
 }
 
 impl<'a> Solid<'a> {
-    fn scaled(self, unit: f64, origin: Vec3) -> (Convex<'a>, Pose) {
+    /// In the frame whose origin is at `origin`.
+    fn seen_from(self, origin: Vec3) -> Self {
         match self {
             Self::Placed { shape, position, orientation } => {
-                let translation = (position - origin) / unit;
-                let pose = Pose::from_parts(translation, orientation);
+                Self::Placed { shape, position: position - origin, orientation }
+            }
+            Self::Triangle(corners) => Self::Triangle(corners.map(|p| p - origin)),
+        }
+    }
+
+    fn scaled(self, unit: f64) -> (Convex<'a>, Pose) {
+        match self {
+            Self::Placed { shape, position, orientation } => {
+                let pose = Pose::from_parts(position / unit, orientation);
                 (shape.form().in_library(unit).expect("a solid with a kernel of its own"), pose)
             }
             Self::Triangle(corners) => {
-                let [a, b, c] = corners.map(|p| (p - origin) / unit);
+                let [a, b, c] = corners.map(|p| p / unit);
                 (Convex::Triangle(Triangle::new(a, b, c)), Pose::IDENTITY)
             }
         }
@@ -48,20 +57,23 @@ pub(crate) fn manifold_contacts(
     envelope: f64,
     touches: &mut Vec<Touch>,
 ) {
-    let polyhedra = [a, b].map(|solid| Polyhedron::new(solid, origin));
-    let of_pair = polyhedra.each_ref().map(Option::as_ref);
-    if let [Some(one), Some(other)] = of_pair {
-        let mut found = Vec::new();
-        if polyhedron_contacts(one, other, unit, envelope, &mut found) {
-            for touch in &mut found {
-                touch.point += origin;
-            }
-            add_corners([a, b], of_pair, origin, (unit, envelope), &mut found);
-            touches.append(&mut found);
+    let solids = [a, b].map(|solid| solid.seen_from(origin));
+    let polyhedra = solids.map(Polyhedron::new);
+    let mut found = Vec::new();
+    if let [Some(one), Some(other)] = &polyhedra {
+        if !polyhedron_contacts(one, other, unit, envelope, &mut found) {
+            return;
         }
-        return;
+    } else {
+        library_contacts(solids, unit, envelope, &mut found);
     }
-    let ((shape_a, pose_a), (shape_b, pose_b)) = (a.scaled(unit, origin), b.scaled(unit, origin));
+    add_corners(solids, polyhedra.each_ref().map(Option::as_ref), (unit, envelope), &mut found);
+    touches.extend(found.into_iter().map(|touch| Touch { point: origin + touch.point, ..touch }));
+}
+
+/// Contacts that the library finds of two solids near the origin.
+fn library_contacts([a, b]: [Solid<'_>; 2], unit: f64, envelope: f64, touches: &mut Vec<Touch>) {
+    let ((shape_a, pose_a), (shape_b, pose_b)) = (a.scaled(unit), b.scaled(unit));
     let mut pose = pose_a.inv_mul(&pose_b);
     let prediction = envelope / unit;
     let mut manifold = library_manifold(&shape_a, &shape_b, &pose, prediction);
@@ -77,7 +89,6 @@ pub(crate) fn manifold_contacts(
         let along = moved.dot(manifold.local_n1);
         manifold.points.iter_mut().for_each(|point| point.dist -= along);
     }
-    let first = touches.len();
     // The library's normal points from A to B.
     let normal = -(pose_a.rotation * manifold.local_n1);
     for point in &manifold.points {
@@ -87,11 +98,8 @@ pub(crate) fn manifold_contacts(
         }
         let middle = 0.5 * (pose_a * point.local_p1 + pose_b * point.local_p2);
         let feature = u64::from(point.fid1.0) << 32 | u64::from(point.fid2.0);
-        touches.push(Touch { point: origin + unit * middle, normal, gap, feature });
+        touches.push(Touch { point: unit * middle, normal, gap, feature });
     }
-    let mut found = touches.split_off(first);
-    add_corners([a, b], of_pair, origin, (unit, envelope), &mut found);
-    touches.append(&mut found);
 }
 
 /// By how much faces that cover each other exactly are moved aside, in sizes of the smaller solid.

@@ -11,7 +11,7 @@
 use super::manifold::Solid;
 use super::reduce::Touch;
 use crate::hull::HullEdge;
-use crate::math::{Quat, Vec3, tangents};
+use crate::math::{Mat3, Quat, Vec3, tangents};
 use crate::shape::polyhedron::FaceSet;
 use crate::shape::{Cuboid, Shape};
 use graintrain_linalg::real;
@@ -89,32 +89,31 @@ static TRIANGLE_EDGES: [HullEdge; 3] = [
 ];
 
 impl<'a> Polyhedron<'a> {
-    /// The solid relative to `origin`; `None` for solids with curved faces.
-    pub(crate) fn new(solid: Solid<'a>, origin: Vec3) -> Option<Self> {
+    /// The polyhedron that a solid is; `None` for solids with curved faces.
+    pub(crate) fn new(solid: Solid<'a>) -> Option<Self> {
         match solid {
             Solid::Placed { shape: Shape::Hull(hull), position, orientation } => {
-                let place = |p: &Vec3| position - origin + orientation * *p;
+                let rotation = Mat3::from_quat(orientation);
                 let faces = hull.faces().iter().map(|face| {
-                    let normal = orientation * face.normal;
-                    let offset = face.offset + normal.dot(position - origin);
-                    Face { normal, offset, corners: &face.corners }
+                    let normal = rotation * face.normal;
+                    Face { normal, offset: face.offset + normal.dot(position), corners: &face.corners }
                 });
                 Some(Self {
-                    corners: hull.corners().iter().map(place).collect(),
+                    corners: hull.corners().iter().map(|p| position + rotation * *p).collect(),
                     faces: faces.collect(),
                     edges: hull.edges(),
                     is_flat: false,
                 })
             }
             Solid::Placed { shape: &Shape::Box(Cuboid { half }), position, orientation } => {
-                Some(Self::of_box(half, position - origin, orientation))
+                Some(Self::of_box(half, position, orientation))
             }
             Solid::Triangle(corners) => {
-                let corners: Vec<Vec3> = corners.iter().map(|p| *p - origin).collect();
                 let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
                 let sides = TRIANGLE_FACES.iter().zip([normal, -normal]);
                 let faces =
                     sides.map(|(own, normal)| Face { normal, offset: normal.dot(corners[0]), corners: own });
+                let corners = corners.to_vec();
                 Some(Self { faces: faces.collect(), edges: &TRIANGLE_EDGES, corners, is_flat: true })
             }
             Solid::Placed { .. } => None,
@@ -122,14 +121,14 @@ impl<'a> Polyhedron<'a> {
     }
 
     fn of_box(half: Vec3, position: Vec3, orientation: Quat) -> Self {
+        let axes = Mat3::from_quat(orientation);
         let corner = |k: u32| {
             let side = |axis: u32| if k >> axis & 1 == 1 { 1.0 } else { -1.0 };
-            position + orientation * (half * Vec3::new(side(0), side(1), side(2)))
+            position + axes * (half * Vec3::new(side(0), side(1), side(2)))
         };
         let face = |(k, own): (usize, &'static [u32; 4])| {
-            let mut normal = Vec3::ZERO;
-            normal[k / 2] = if k % 2 == 1 { 1.0 } else { -1.0 };
-            let normal = orientation * normal;
+            let axis = axes.col(k / 2);
+            let normal = if k % 2 == 1 { axis } else { -axis };
             Face { normal, offset: half[k / 2] + normal.dot(position), corners: own.as_slice() }
         };
         Self {
@@ -142,6 +141,10 @@ impl<'a> Polyhedron<'a> {
 
     pub(super) fn is_flat(&self) -> bool {
         self.is_flat
+    }
+
+    pub(super) fn corners(&self) -> &[Vec3] {
+        &self.corners
     }
 
     pub(super) fn edges(&self) -> &'a [HullEdge] {
@@ -238,8 +241,7 @@ struct Separation {
     are_nearest: bool,
 }
 
-/// Adds the contacts of two polyhedra with gap up to the envelope, normals from B to A, points relative to
-/// the common frame; `false` if they are farther apart than the envelope. `unit` is the size of the smaller
+/// Adds the contacts of two polyhedra with gap up to the envelope, normals from B to A; `false` if they are farther apart than the envelope. `unit` is the size of the smaller
 /// one.
 pub(crate) fn polyhedron_contacts(
     a: &Polyhedron<'_>,
@@ -553,9 +555,9 @@ mod tests {
             let position = distance * Vec3::from_array(place).normalize_or(Vec3::X);
             let turns = turns.map(|turn| rotation_exponential(Vec3::from_array(turn)));
             let other = if is_box { &block } else { &stone };
-            let one = Solid::Placed { shape: &stone, position: Vec3::ZERO, orientation: turns[0] };
-            let other = Solid::Placed { shape: other, position, orientation: turns[1] };
-            let [a, b] = [one, other].map(|solid| Polyhedron::new(solid, 0.5 * position).unwrap());
+            let one = Solid::Placed { shape: &stone, position: -0.5 * position, orientation: turns[0] };
+            let other = Solid::Placed { shape: other, position: 0.5 * position, orientation: turns[1] };
+            let [a, b] = [one, other].map(|solid| Polyhedron::new(solid).unwrap());
             let exact = largest_gap(&a, &b);
             let found = separation(&a, &b, 0.5, f64::INFINITY).unwrap();
             // Apart and nearest with a corner, they are farther apart along other normals than those of faces

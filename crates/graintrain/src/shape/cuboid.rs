@@ -1,7 +1,7 @@
 //! Boxes.
 
 use super::library::Convex;
-use super::{Corners, Distance, Form, Shape, Surface, at_plane};
+use super::{Distance, Form, Shape, Surface, at_plane};
 use crate::error::{ModelError, length};
 use crate::math::{Mat3, Vec3};
 use serde::{Deserialize, Serialize};
@@ -107,11 +107,6 @@ impl Form for Cuboid {
             }
             each(p, 0.0, (0..3).map(|k| u64::from(p[k] < 0.0) << k).sum());
         }
-    }
-
-    fn corners(&self, _toward: Vec3) -> Corners {
-        let along = |axis: usize| (0..8).filter(move |k| k >> axis & 1 == 0).map(move |k| [k, k | 1 << axis]);
-        Corners { points: (0..8).map(|k| self.corner(k)).collect(), edges: (0..3).flat_map(along).collect() }
     }
 
     fn inside_face(&self, p: Vec3) -> f64 {

@@ -1,7 +1,7 @@
 //! Convex polyhedra.
 
 use super::library::{Convex, ScaledHull};
-use super::{Corners, Distance, Form, Shape, Surface};
+use super::{Distance, Form, Shape, Surface};
 use crate::error::ModelError;
 use crate::hull::{Hull, HullFace, MOST_CORNERS};
 use crate::math::{Mat3, Vec3};
@@ -108,13 +108,6 @@ impl Form for Hull {
     fn lowest_points(&self, _down: Vec3, each: &mut dyn FnMut(Vec3, f64, u64)) {
         for (feature, corner) in (0..).zip(self.corners()) {
             each(*corner, 0.0, feature);
-        }
-    }
-
-    fn corners(&self, _toward: Vec3) -> Corners {
-        Corners {
-            points: Self::corners(self).to_vec(),
-            edges: self.edges().iter().map(|edge| edge.corners.map(|k| k as usize)).collect(),
         }
     }
 
