@@ -31,6 +31,9 @@ pub struct Parameters {
     /// Bodies that end inside each other by more than this fraction of the smaller one's size without having
     /// been in contact make a new round.
     pub undetected: f64,
+    /// They have been in contact there if one of theirs lay within this fraction of the smaller one's size:
+    /// of corners and edges that lie over one another, rounding makes now one contact, now another.
+    pub same_place: f64,
     /// A contact that ends in overlap by more than this fraction of the smaller body's size, and by so much
     /// more than foreseen, makes a new round too.
     pub departure: f64,
@@ -59,6 +62,7 @@ impl Default for Parameters {
     fn default() -> Self {
         Self {
             undetected: 5e-4,
+            same_place: 1e-2,
             departure: 5e-3,
             passed: 1.0,
             spurious: 0.2,
@@ -68,6 +72,14 @@ impl Default for Parameters {
             joint_rounds: 12,
         }
     }
+}
+
+/// Normals of one contact at the beginning and the end of a step: within 18 degrees.
+const ALIKE: f64 = 0.95;
+
+/// The bodies of a contact, the lower index first.
+fn unordered(contact: &Contact) -> [u32; 2] {
+    [contact.body_a.min(contact.body_b), contact.body_a.max(contact.body_b)]
 }
 
 fn identities(contacts: &[Contact]) -> HashSet<u64> {
@@ -212,7 +224,7 @@ impl Stepper {
         let begin = Clock::now();
         let is_last = rounds.round >= self.parameters.repetition.rounds;
         let Made { attempt, ahead, .. } = made;
-        let undetected = self.undetected(world, &rounds.contacts, ahead);
+        let undetected = self.undetected(world, start, &rounds.contacts, ahead);
         let departed = if is_last { Vec::new() } else { self.departed(world, start, rounds, attempt, ahead) };
         let (mut new, mut ends) = (Vec::new(), Vec::new());
         if !(undetected.is_empty() || is_last) || !departed.is_empty() {
@@ -235,10 +247,9 @@ impl Stepper {
             rounds.contacts.extend(new);
             rounds.round += 1;
         } else if !undetected.is_empty() {
-            let pair = |c: &Contact| [c.body_a.min(c.body_b), c.body_a.max(c.body_b)];
-            let known: HashSet<[u32; 2]> = rounds.contacts.iter().map(pair).collect();
+            let known: HashSet<[u32; 2]> = rounds.contacts.iter().map(unordered).collect();
             let unknown: HashSet<[u32; 2]> =
-                undetected.iter().map(pair).filter(|pair| !known.contains(pair)).collect();
+                undetected.iter().map(unordered).filter(|pair| !known.contains(pair)).collect();
             rounds.undetected += unknown.len();
         }
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
@@ -311,17 +322,47 @@ impl Stepper {
         closed
     }
 
-    /// Pairs that overlap at the end of the step and were no contacts in it.
-    fn undetected(&self, world: &World, contacts: &[Contact], ahead: &[Contact]) -> Vec<Contact> {
+    /// Contacts that overlap at the end of the step and were none in it.
+    fn undetected(
+        &self,
+        world: &World,
+        start: &Placement,
+        contacts: &[Contact],
+        ahead: &[Contact],
+    ) -> Vec<Contact> {
         let collider = &self.collider;
         let undetected = self.parameters.repetition.undetected;
         let deep = |c: &&Contact| -c.gap > undetected * collider.contact_size(world, c);
-        let deep: Vec<Contact> = ahead.par_iter().filter(deep).copied().collect();
-        if deep.is_empty() {
-            return deep;
+        let mut deep: Vec<Contact> = ahead.par_iter().filter(deep).copied().collect();
+        if !deep.is_empty() {
+            let known = identities(contacts);
+            deep.retain(|c| !known.contains(&c.identity));
         }
-        let known = identities(contacts);
-        deep.into_iter().filter(|c| !known.contains(&c.identity)).collect()
+        if !deep.is_empty() {
+            let mut of_pair: HashMap<[u32; 2], Vec<&Contact>> =
+                deep.iter().map(|c| (unordered(c), Vec::new())).collect();
+            for contact in contacts {
+                if let Some(own) = of_pair.get_mut(&unordered(contact)) {
+                    own.push(contact);
+                }
+            }
+            deep.retain(|c| !of_pair[&unordered(c)].iter().any(|k| self.is_same_place(world, start, c, k)));
+        }
+        deep
+    }
+
+    /// Whether a contact of the end of the step lies on one of both bodies where a contact of its beginning
+    /// did, with about its normal.
+    fn is_same_place(&self, world: &World, start: &Placement, end: &Contact, begin: &Contact) -> bool {
+        let near = self.parameters.repetition.same_place * self.collider.contact_size(world, end);
+        let normal = if end.body_a == begin.body_a { begin.normal } else { -begin.normal };
+        let moved = |body: u32| {
+            let (body, bodies) = (body as usize, &world.bodies);
+            let now = bodies.orientation[body].conjugate() * (end.point - bodies.position[body]);
+            let before = start.orientation[body].conjugate() * (begin.point - start.position[body]);
+            (now - before).length()
+        };
+        end.normal.dot(normal) >= ALIKE && moved(end.body_a).min(moved(end.body_b)) <= near
     }
 
     /// The nearest that any of the planes of a contact lets the bodies of these contacts (`ends`) come, Phi +
@@ -440,10 +481,7 @@ impl Stepper {
         let (step, collider) = (self.settings.step, &self.collider);
         let rows = rigid.contacts();
         let contact = |k: usize| &rounds.contacts[attempt.active[k] as usize];
-        let pair = |k: usize| {
-            let contact = contact(k);
-            [contact.body_a.min(contact.body_b), contact.body_a.max(contact.body_b)]
-        };
+        let pair = |k: usize| unordered(contact(k));
         let with_seams = |k: &usize| pair(*k).iter().any(|&body| !collider.is_ball(world, body as usize));
         let mut order: Vec<usize> = (0..rows.len()).into_par_iter().filter(with_seams).collect();
         order.sort_by_key(|&k| (pair(k), k));
