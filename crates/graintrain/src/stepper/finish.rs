@@ -128,7 +128,9 @@ impl Stepper {
         };
         let error = |(i, contact): (usize, &Contact)| {
             let known = foreseen.get(&contact.identity);
-            let end = known.map_or(0.0, |(gap, _)| gap + moved.get(3 * i).unwrap_or(&0.0));
+            // A displacement may close what is open, and no further.
+            let after = |gap: f64| (gap + moved.get(3 * i).unwrap_or(&0.0)).max(gap.min(0.0));
+            let end = known.map_or(0.0, |&(gap, _)| after(gap));
             let error = end - contact.gap;
             let is_rigid = compliance.get(i).is_none_or(|&c| c == 0.0);
             (is_rigid && error > kept * collider.contact_size(world, contact))

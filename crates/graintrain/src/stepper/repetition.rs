@@ -224,8 +224,10 @@ impl Stepper {
         let begin = Clock::now();
         let is_last = rounds.round >= self.parameters.repetition.rounds;
         let Made { attempt, ahead, .. } = made;
-        let undetected = self.undetected(world, start, &rounds.contacts, ahead);
-        let departed = if is_last { Vec::new() } else { self.departed(world, start, rounds, attempt, ahead) };
+        let deep = self.deep(world, start, &rounds.contacts, ahead);
+        let departed = if is_last { Vec::new() } else { self.departed(world, start, rounds, attempt, &deep) };
+        let known = identities(&rounds.contacts);
+        let undetected: Vec<Contact> = deep.into_iter().filter(|c| !known.contains(&c.identity)).collect();
         let (mut new, mut ends) = (Vec::new(), Vec::new());
         if !(undetected.is_empty() || is_last) || !departed.is_empty() {
             let carry = |c: &Contact| carried_back(c, world, start, attempt, self.settings.step);
@@ -322,8 +324,9 @@ impl Stepper {
         closed
     }
 
-    /// Contacts that overlap at the end of the step and were none in it.
-    fn undetected(
+    /// Contacts that overlap at the end of the step by more than is let pass; one that lies where the pair had
+    /// another has that one's identity.
+    fn deep(
         &self,
         world: &World,
         start: &Placement,
@@ -332,21 +335,25 @@ impl Stepper {
     ) -> Vec<Contact> {
         let collider = &self.collider;
         let undetected = self.parameters.repetition.undetected;
-        let deep = |c: &&Contact| -c.gap > undetected * collider.contact_size(world, c);
-        let mut deep: Vec<Contact> = ahead.par_iter().filter(deep).copied().collect();
-        if !deep.is_empty() {
-            let known = identities(contacts);
-            deep.retain(|c| !known.contains(&c.identity));
+        let is_deep = |c: &&Contact| -c.gap > undetected * collider.contact_size(world, c);
+        let mut deep: Vec<Contact> = ahead.par_iter().filter(is_deep).copied().collect();
+        if deep.is_empty() {
+            return deep;
         }
-        if !deep.is_empty() {
-            let mut of_pair: HashMap<[u32; 2], Vec<&Contact>> =
-                deep.iter().map(|c| (unordered(c), Vec::new())).collect();
-            for contact in contacts {
-                if let Some(own) = of_pair.get_mut(&unordered(contact)) {
-                    own.push(contact);
-                }
+        let known = identities(contacts);
+        let mut of_pair: HashMap<[u32; 2], Vec<&Contact>> = HashMap::new();
+        let unknown = deep.iter().filter(|c| !known.contains(&c.identity));
+        of_pair.extend(unknown.map(|c| (unordered(c), Vec::new())));
+        for contact in contacts {
+            if let Some(own) = of_pair.get_mut(&unordered(contact)) {
+                own.push(contact);
             }
-            deep.retain(|c| !of_pair[&unordered(c)].iter().any(|k| self.is_same_place(world, start, c, k)));
+        }
+        for contact in deep.iter_mut().filter(|c| !known.contains(&c.identity)) {
+            let own = &of_pair[&unordered(contact)];
+            if let Some(there) = own.iter().find(|begin| self.is_same_place(world, start, contact, begin)) {
+                contact.identity = there.identity;
+            }
         }
         deep
     }
@@ -401,19 +408,19 @@ impl Stepper {
     /// turning face, or an edge that a fast body meets elsewhere than it was to, is not where the tangent
     /// plane at the contact says. What takes their place is the contact of the end, carried back; where that
     /// points the other way, since a thin body is passed by more than half, the one of its near side. `world`
-    /// as the step leaves it, `ahead` its contacts.
+    /// as the step leaves it, `deep` its contacts that overlap.
     fn departed(
         &self,
         world: &World,
         start: &Placement,
         rounds: &Rounds,
         attempt: &Attempt,
-        ahead: &[Contact],
+        deep: &[Contact],
     ) -> Vec<Contact> {
         let (step, collider) = (self.settings.step, &self.collider);
         let size = |c: &Contact| collider.contact_size(world, c);
         let departed = self.parameters.repetition.departure;
-        let deep: Vec<&Contact> = ahead.par_iter().filter(|c| -c.gap > departed * size(c)).collect();
+        let deep: Vec<&Contact> = deep.iter().filter(|c| -c.gap > departed * size(c)).collect();
         if deep.is_empty() {
             return Vec::new();
         }
