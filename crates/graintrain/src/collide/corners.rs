@@ -1,24 +1,23 @@
-//! Corners and edges of boxes, cylinders and triangles against the other shape's signed distance: the points
-//! within the envelope that the collision library leaves out.
+//! Corners and edges of solids against the other solid's signed distance: the points within the envelope
+//! that faces laid over one another (`polyhedra`, and for what is round the collision library) leave out.
 //!
-//! The library reports where the two faces that look at each other most lie over one another. A corner of a
-//! tilted box over a smaller one, a pair that lies diagonally apart, or the corner of a face that it did not
-//! choose are missing. Each point added here is a point p of one shape with its nearest point on the other,
-//! so that with s the (convex) signed distance, `s(p + d) >= s(p) + n . d`: a true lower bound for that
-//! point.
+//! Those are where the two faces that look at each other most lie over one another. A corner of a tilted box
+//! over a smaller one, a pair that lies diagonally apart, or the corner of a face that was not chosen are
+//! missing. Each point added here is a point p of one shape with its nearest point on the other, so that with
+//! s the (convex) signed distance, `s(p + d) >= s(p) + n . d`: a true lower bound for that point.
 //!
 //! Not every such point is needed, and of bodies that nearly touch some would hold up motions that are free:
 //! a corner that sticks out by a hair beyond the edge of the face it rests on is *beside* that face, at a
 //! tiny distance and with a sideways normal. So a point is added only if
 //!
-//! * it is the nearest of all, and the library found none as near; or
+//! * it is the nearest of all, and none as near was found; or
 //! * it looks along the contact's own normal (within 18 degrees), over a face of the other shape; or over an
 //!   edge of it, if it is not nearly touching; or
 //! * it is a corner over the inside of another face of the other shape;
 //!
 //! and in every case only if its distance is more than [`CLEAR`] of the smaller size. Of what touches, only
-//! corners on a face are added, along the library's normal: of faces whose edges coincide but for round-off
-//! it loses some.
+//! corners on a face are added, along the normal that was found: of faces whose edges coincide but for
+//! round-off the library loses some.
 
 use super::capsule::{least_between, minimise};
 use super::edges::{EdgePoint, Rims};
@@ -30,14 +29,14 @@ use crate::math::Vec3;
 use crate::shape::{Corners, Distance};
 use std::borrow::Cow;
 
-/// Points nearer than this fraction of the smaller size are left to the library.
+/// Points nearer than this fraction of the smaller size touch: they are left to what found the faces.
 const CLEAR: f64 = 1e-6;
 
 /// Points beside a face must be this fraction of the smaller size away, points over another face as far
 /// inside it.
 const MARGIN: f64 = 1e-2;
 
-/// Points of ours within this fraction of the smaller size of a point of the library's are that point.
+/// Points within this fraction of the smaller size of a point that is known are that point.
 const SAME_POINT: f64 = 1e-3;
 
 /// By this fraction of the smaller size rounding may make a point too high.
@@ -103,8 +102,8 @@ pub(crate) fn add_corners(
     if envelope <= CLEAR * unit {
         return;
     }
-    let library = touches.iter().min_by(|x, y| x.gap.total_cmp(&y.gap)).copied();
-    let toward = library.map_or(b.centre() - a.centre(), |touch| -touch.normal);
+    let found = touches.iter().min_by(|x, y| x.gap.total_cmp(&y.gap)).copied();
+    let toward = found.map_or(b.centre() - a.centre(), |touch| -touch.normal);
     let highest = envelope + ROUNDING * unit;
     let [of_a, of_b] = polyhedra;
     let sides = [
@@ -116,11 +115,11 @@ pub(crate) fn add_corners(
         .iter()
         .min_by(|x, y| x.distance.value.total_cmp(&y.distance.value).then(x.feature.cmp(&y.feature)));
     let Some(nearest) = nearest else { return };
-    let overlooked = library.is_none_or(|touch| nearest.distance.value < touch.gap - SAME_POINT * unit);
+    let overlooked = found.is_none_or(|touch| nearest.distance.value < touch.gap - SAME_POINT * unit);
     let first = if overlooked { Some(nearest.feature) } else { None };
     let normal = if overlooked { nearest.distance.normal } else { -toward };
     let known = touches.len();
-    if library.is_some() {
+    if found.is_some() {
         add_touching(&sides, unit, envelope, touches);
     }
     for candidate in &candidates {

@@ -165,4 +165,33 @@ mod tests {
             assert!(far.iter().all(|touch| touch.gap > 0.0), "{k}");
         }
     }
+
+    /// Boxes that lie on each other and tilt by hairs: the numbers of their contacts stay, whichever of the
+    /// corners and edges that lie over one another rounding takes, or half of a warm start is lost.
+    #[test]
+    fn contacts_keep_their_numbers_while_bodies_tilt() {
+        let shape = Shape::Box(Cuboid { half: Vec3::splat(0.5) });
+        let beam = Shape::Box(Cuboid { half: Vec3::new(2.0, 0.1, 0.1) });
+        let numbers = |(upper, place): (&Shape, Vec3), turn: f64, tilt: Vec3| {
+            let orientation = Quat::from_scaled_axis(tilt) * Quat::from_rotation_z(turn);
+            let a = Solid::Placed { shape: upper, position: place, orientation };
+            let b = Solid::Placed { shape: &shape, position: Vec3::ZERO, orientation: Quat::IDENTITY };
+            let mut touches = Vec::new();
+            manifold_contacts(a, b, 0.866, Vec3::ZERO, 1e-3, &mut touches);
+            reduce(&mut touches);
+            touches.iter().map(|touch| touch.feature).collect::<Vec<_>>()
+        };
+        let half_over = (&shape, Vec3::new(0.5, 0.0, 1.0 - 1e-6));
+        let beside = (&shape, Vec3::new(1.0 - 1e-6, 0.0, 0.0));
+        let across = (&beam, Vec3::new(0.1, 0.2, 0.6 - 1e-6));
+        for (case, turn) in [(half_over, 0.0), (beside, 0.0), (across, 0.0), (across, 0.4)] {
+            let first = numbers(case, turn, Vec3::ZERO);
+            assert_eq!(first.len(), 4);
+            for k in 0..200 {
+                let number = |i: usize| 1e-7 * (1.234 * (k * k + i * 37) as f64).sin();
+                let tilt = Vec3::new(number(0), number(1), number(2));
+                assert_eq!(numbers(case, turn, tilt), first, "{k}");
+            }
+        }
+    }
 }

@@ -33,7 +33,8 @@ const LOOKS: usize = 6;
 
 /// A contact within this fraction of the smaller size of a corner bears that corner's number, whatever
 /// rounding makes of it where corners and edges lie over one another: it stays the same from step to step.
-const NAMED: f64 = 1e-3;
+/// More than what `reduce` takes for one point.
+const NAMED: f64 = 3e-3;
 
 /// Features of contacts: a corner of A, a corner of B, two edges, the features that gave the normal. Above
 /// those of the corners.
@@ -241,8 +242,8 @@ struct Separation {
     are_nearest: bool,
 }
 
-/// Adds the contacts of two polyhedra with gap up to the envelope, normals from B to A; `false` if they are farther apart than the envelope. `unit` is the size of the smaller
-/// one.
+/// Adds the contacts of two polyhedra with gap up to the envelope, normals from B to A; `false` if they are
+/// farther apart than the envelope. `unit` is the size of the smaller one.
 pub(crate) fn polyhedron_contacts(
     a: &Polyhedron<'_>,
     b: &Polyhedron<'_>,
@@ -252,26 +253,29 @@ pub(crate) fn polyhedron_contacts(
 ) -> bool {
     let Some(separation) = separation(a, b, unit, envelope) else { return false };
     let Separation { normal, gap, points: [p, q], are_nearest } = separation;
+    let is_near = |p: Vec3, q: Vec3| {
+        let away = p - q;
+        (away - away.dot(normal) * normal).length_squared() <= (NAMED * unit).powi(2)
+    };
     let name = |point: Vec3, feature| {
         let of = |own: &Polyhedron<'_>, toward: Vec3, first: u64| {
-            let is_near = |corner: &&u32| {
-                let away = own.corners[**corner as usize] - point;
-                (away - away.dot(normal) * normal).length_squared() <= (NAMED * unit).powi(2)
-            };
-            own.facing(toward).corners.iter().find(is_near).map(|&corner| first + u64::from(corner))
+            let near = |corner: &&u32| is_near(own.corners[**corner as usize], point);
+            own.facing(toward).corners.iter().find(near).map(|&corner| first + u64::from(corner))
         };
         of(a, normal, CORNER_OF_A).or_else(|| of(b, -normal, CORNER_OF_B)).unwrap_or(feature)
     };
-    let mut add = |point, gap, feature| {
+    clipped(a, b, normal, unit, &mut |point, gap, feature| {
         if gap <= envelope {
             touches.push(Touch { point, normal: -normal, gap, feature: name(point, feature) });
         }
-    };
-    clipped(a, b, normal, unit, &mut add);
+    });
     // Overlapping polyhedra always have a contact, even where rounding puts it beside both polygons.
     if are_nearest || (touches.is_empty() && gap <= 0.0) {
         let point = 0.5 * (p + q);
-        touches.push(Touch { point, normal: -normal, gap, feature: name(point, NEAREST) });
+        // Where it is one of the others, by its name.
+        let known = touches.iter().find(|touch| is_near(touch.point, point)).map(|touch| touch.feature);
+        let feature = known.unwrap_or_else(|| name(point, NEAREST));
+        touches.push(Touch { point, normal: -normal, gap, feature });
     }
     true
 }
