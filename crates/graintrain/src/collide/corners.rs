@@ -306,8 +306,8 @@ impl Solid<'_> {
         }
     }
 
-    /// Distance of a point of the world, up to the envelope, and how far its nearest point lies inside a face,
-    /// m (negative on an edge); `None` beyond, behind a triangle, and beside it.
+    /// Distance of a point of the world, up to the envelope, and how far its nearest point lies inside a
+    /// face, m (negative on an edge); `None` beyond, behind a triangle, and beside it.
     fn distance(self, p: Vec3, envelope: f64) -> Option<(Distance, f64)> {
         match self {
             Self::Placed { shape, position, orientation } => {

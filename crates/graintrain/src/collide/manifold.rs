@@ -1,6 +1,6 @@
-//! Contacts of solids: of polyhedra (boxes, hulls, triangles) with each other by `polyhedra`; of cylinders and
-//! cones with each other and with those through the collision library's manifolds (GJK, then clipping of the
-//! touching faces); and for both the points within the envelope that these leave out (`corners`).
+//! Contacts of solids: of polyhedra (boxes, hulls, triangles) with each other by `polyhedra`; of cylinders
+//! and cones with each other and with those through the collision library's manifolds (GJK, then clipping of
+//! the touching faces); and for both the points within the envelope that these leave out (`corners`).
 
 use super::corners::add_corners;
 use super::polish::polish;

@@ -205,8 +205,8 @@ impl<'a> Polyhedron<'a> {
         self.edges.iter().filter(is_near).collect()
     }
 
-    /// The edges across which it may be farther than `gap` from a solid that has the point `q`: across an edge
-    /// with a corner p it is at most n . (q - p) away, and n lies on the arc between the normals of both
+    /// The edges across which it may be farther than `gap` from a solid that has the point `q`: across an
+    /// edge with a corner p it is at most n . (q - p) away, and n lies on the arc between the normals of both
     /// faces, so that n = a n_1 + b n_2 with a + b up to sqrt(2 / (1 + n_1 . n_2)).
     fn edges_toward(&self, q: Vec3, gap: f64) -> Vec<&HullEdge> {
         let is_toward = |edge: &&HullEdge| {

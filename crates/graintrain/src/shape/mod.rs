@@ -85,7 +85,8 @@ pub(crate) trait Form {
     /// that touches (zero where it is a point of the surface) and its feature.
     fn lowest_points(&self, _down: Vec3, _each: &mut dyn FnMut(Vec3, f64, u64)) {}
 
-    /// Of what is round, the corners and edges that hold it off other solids. `toward` leads to the other one.
+    /// Of what is round, the corners and edges that hold it off other solids. `toward` leads to the other
+    /// one.
     fn corners(&self, _toward: Vec3) -> Corners {
         Corners::default()
     }

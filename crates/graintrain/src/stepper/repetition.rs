@@ -324,8 +324,8 @@ impl Stepper {
         closed
     }
 
-    /// Contacts that overlap at the end of the step by more than is let pass; one that lies where the pair had
-    /// another has that one's identity.
+    /// Contacts that overlap at the end of the step by more than is let pass; one that lies where the pair
+    /// had another has that one's identity.
     fn deep(
         &self,
         world: &World,

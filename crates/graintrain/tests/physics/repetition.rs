@@ -238,8 +238,8 @@ fn boxes_that_turn_fast_fall_on_each_other() {
     }
 }
 
-/// A pyramid of boxes at a tolerance of 1e-2: what displacements remove at one contact does not stay as overlap
-/// at the next.
+/// A pyramid of boxes at a tolerance of 1e-2: what displacements remove at one contact does not stay as
+/// overlap at the next.
 #[test]
 fn a_pyramid_at_a_loose_tolerance_does_not_sink() {
     let mut world = world(0.6, 0.0);
