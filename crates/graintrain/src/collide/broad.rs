@@ -175,8 +175,7 @@ impl Collider {
         }
         let poses = poses.ceil().max(1.0);
         let mut touches = Vec::new();
-        // From the end, where those that do not pass are deepest.
-        (1..=poses as u32).rev().all(|k| {
+        (1..=poses as u32).all(|k| {
             let time = step * f64::from(k) / poses;
             touches.clear();
             body_contacts(

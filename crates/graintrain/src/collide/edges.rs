@@ -129,3 +129,63 @@ impl Rims {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::manifold::Solid;
+    use super::*;
+    use crate::hull::Hull;
+    use crate::math::rotation_exponential;
+    use crate::shape::{Cuboid, Shape};
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(500))]
+
+        /// Every point has the signed distance that the shape itself gives there, and along an edge outside
+        /// nothing is nearer than its ends, these points, and the corners of the other solid.
+        #[test]
+        fn points_have_the_distances_of_the_shape_and_the_least_is_among_them(
+            turn in prop::array::uniform3(-3.0..3.0_f64),
+            ends in prop::array::uniform2(prop::array::uniform3(-1.2..1.2_f64)),
+            is_box in any::<bool>(),
+        ) {
+            let point = |k: u32| {
+                let (a, b) = (1.7 * f64::from(k), 2.9 * f64::from(k));
+                Vec3::new(0.5 * a.sin(), 0.4 * b.cos(), 0.3 * (a + b).sin())
+            };
+            let shape = if is_box {
+                Shape::Box(Cuboid { half: Vec3::new(0.5, 0.3, 0.2) })
+            } else {
+                Shape::Hull(Hull::new(&(0..20).map(point).collect::<Vec<_>>()).unwrap().0)
+            };
+            let orientation = rotation_exponential(Vec3::from_array(turn));
+            let polyhedron =
+                Polyhedron::new(Solid::Placed { shape: &shape, position: Vec3::ZERO, orientation }).unwrap();
+            let distance = |p: Vec3| shape.form().signed_distance(orientation.conjugate() * p);
+            let [p, q] = ends.map(Vec3::from_array);
+            let rims = Rims::of(&polyhedron, &vec![true; polyhedron.corners().len()], 10.0);
+            let mut least = distance(p).value.min(distance(q).value);
+            let mut found = Vec::new();
+            rims.points([p, q], &mut |at| found.push(at));
+            for EdgePoint { point, distance: own, .. } in found {
+                let exact = distance(point);
+                prop_assert!((own.value - exact.value).abs() < 1e-9, "{} {}", own.value, exact.value);
+                // At a border the normals of both sides are those of the point.
+                let turned = orientation * exact.normal;
+                prop_assert!(own.value < 1e-6 || (own.normal - turned).length() < 1e-6, "{} {turned}", own.normal);
+                least = least.min(own.value);
+            }
+            let way = q - p;
+            for corner in polyhedron.corners() {
+                let t = (way.dot(*corner - p) / way.length_squared()).clamp(0.0, 1.0);
+                least = least.min((p + t * way - *corner).length());
+            }
+            let samples: Vec<f64> = (0..=200).map(|k| distance(p + f64::from(k) / 200.0 * way).value).collect();
+            // Samples lie up to 0.02 apart: between these it does not dip in, either.
+            if samples.iter().all(|&s| s > 0.02) {
+                prop_assert!(samples.iter().all(|&s| s >= least - 1e-12), "{least}");
+            }
+        }
+    }
+}

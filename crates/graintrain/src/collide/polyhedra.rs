@@ -257,14 +257,15 @@ pub(crate) fn polyhedron_contacts(
         let away = p - q;
         (away - away.dot(normal) * normal).length_squared() <= (NAMED * unit).powi(2)
     };
+    let faces = [a.facing(normal), b.facing(-normal)];
     let name = |point: Vec3, feature| {
-        let of = |own: &Polyhedron<'_>, toward: Vec3, first: u64| {
+        let of = |own: &Polyhedron<'_>, face: &Face<'_>, first: u64| {
             let near = |corner: &&u32| is_near(own.corners[**corner as usize], point);
-            own.facing(toward).corners.iter().find(near).map(|&corner| first + u64::from(corner))
+            face.corners.iter().find(near).map(|&corner| first + u64::from(corner))
         };
-        of(a, normal, CORNER_OF_A).or_else(|| of(b, -normal, CORNER_OF_B)).unwrap_or(feature)
+        of(a, faces[0], CORNER_OF_A).or_else(|| of(b, faces[1], CORNER_OF_B)).unwrap_or(feature)
     };
-    clipped(a, b, normal, unit, &mut |point, gap, feature| {
+    clipped([a, b], faces, normal, unit, &mut |point, gap, feature| {
         if gap <= envelope {
             touches.push(Touch { point, normal: -normal, gap, feature: name(point, feature) });
         }
@@ -456,13 +457,12 @@ fn sides(corners: &[u32]) -> impl Iterator<Item = (u32, u32)> + '_ {
 /// Calls `add` with middle, distance along the normal and feature of every corner of what the two faces that
 /// look at each other most have in common, seen along the normal (from A to B).
 fn clipped(
-    a: &Polyhedron<'_>,
-    b: &Polyhedron<'_>,
+    [a, b]: [&Polyhedron<'_>; 2],
+    [face_a, face_b]: [&Face<'_>; 2],
     normal: Vec3,
     unit: f64,
     add: &mut dyn FnMut(Vec3, f64, u64),
 ) {
-    let (face_a, face_b) = (a.facing(normal), b.facing(-normal));
     let (t1, t2) = tangents(normal);
     let flat = |p: Vec3| [t1.dot(p), t2.dot(p)];
     let cross =

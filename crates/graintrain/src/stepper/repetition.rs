@@ -224,10 +224,8 @@ impl Stepper {
         let begin = Clock::now();
         let is_last = rounds.round >= self.parameters.repetition.rounds;
         let Made { attempt, ahead, .. } = made;
-        let deep = self.deep(world, start, &rounds.contacts, ahead);
+        let [deep, undetected] = self.deep(world, start, &rounds.contacts, ahead);
         let departed = if is_last { Vec::new() } else { self.departed(world, start, rounds, attempt, &deep) };
-        let known = identities(&rounds.contacts);
-        let undetected: Vec<Contact> = deep.into_iter().filter(|c| !known.contains(&c.identity)).collect();
         let (mut new, mut ends) = (Vec::new(), Vec::new());
         if !(undetected.is_empty() || is_last) || !departed.is_empty() {
             let carry = |c: &Contact| carried_back(c, world, start, attempt, self.settings.step);
@@ -324,38 +322,41 @@ impl Stepper {
         closed
     }
 
-    /// Contacts that overlap at the end of the step by more than is let pass; one that lies where the pair
-    /// had another has that one's identity.
+    /// Contacts that overlap at the end of the step by more than is let pass: those that it had, and those
+    /// that it had not. One that lies where the pair had another is that one, and has its identity.
     fn deep(
         &self,
         world: &World,
         start: &Placement,
         contacts: &[Contact],
         ahead: &[Contact],
-    ) -> Vec<Contact> {
+    ) -> [Vec<Contact>; 2] {
         let collider = &self.collider;
         let undetected = self.parameters.repetition.undetected;
         let is_deep = |c: &&Contact| -c.gap > undetected * collider.contact_size(world, c);
-        let mut deep: Vec<Contact> = ahead.par_iter().filter(is_deep).copied().collect();
+        let deep: Vec<Contact> = ahead.par_iter().filter(is_deep).copied().collect();
         if deep.is_empty() {
-            return deep;
+            return [deep, Vec::new()];
         }
-        let known = identities(contacts);
-        let mut of_pair: HashMap<[u32; 2], Vec<&Contact>> = HashMap::new();
-        let unknown = deep.iter().filter(|c| !known.contains(&c.identity));
-        of_pair.extend(unknown.map(|c| (unordered(c), Vec::new())));
-        for contact in contacts {
+        let identities = identities(contacts);
+        let (mut known, unknown): (Vec<_>, Vec<_>) =
+            deep.into_iter().partition(|c| identities.contains(&c.identity));
+        let mut of_pair: HashMap<[u32; 2], Vec<&Contact>> =
+            unknown.iter().map(|c| (unordered(c), Vec::new())).collect();
+        for contact in contacts.iter().filter(|_| !unknown.is_empty()) {
             if let Some(own) = of_pair.get_mut(&unordered(contact)) {
                 own.push(contact);
             }
         }
-        for contact in deep.iter_mut().filter(|c| !known.contains(&c.identity)) {
-            let own = &of_pair[&unordered(contact)];
-            if let Some(there) = own.iter().find(|begin| self.is_same_place(world, start, contact, begin)) {
-                contact.identity = there.identity;
+        let mut new = Vec::new();
+        for contact in unknown {
+            let own = &of_pair[&unordered(&contact)];
+            match own.iter().find(|begin| self.is_same_place(world, start, &contact, begin)) {
+                Some(there) => known.push(Contact { identity: there.identity, ..contact }),
+                None => new.push(contact),
             }
         }
-        deep
+        [known, new]
     }
 
     /// Whether a contact of the end of the step lies on one of both bodies where a contact of its beginning
