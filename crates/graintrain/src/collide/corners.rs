@@ -289,7 +289,7 @@ impl Solid<'_> {
     fn centre(self) -> Vec3 {
         match self {
             Self::Placed { position, .. } => position,
-            Self::Triangle([a, b, c]) => (a + b + c) / 3.0,
+            Self::Triangle { corners: [a, b, c], .. } => (a + b + c) / 3.0,
         }
     }
 
@@ -299,7 +299,7 @@ impl Solid<'_> {
             points.iter().map(|p| along.dot(*p)).fold(f64::NEG_INFINITY, f64::max)
         };
         match self {
-            Self::Triangle(corners) => farthest(&corners, direction),
+            Self::Triangle { corners, .. } => farthest(&corners, direction),
             Self::Placed { shape, position, orientation } => {
                 direction.dot(position) + shape.form().reach(orientation.conjugate() * direction)
             }
@@ -316,7 +316,7 @@ impl Solid<'_> {
                 let distance = Distance { value, normal: orientation * normal };
                 (value <= envelope).then(|| (distance, shape.form().inside_face(own)))
             }
-            Self::Triangle(corners) => {
+            Self::Triangle { corners, .. } => {
                 let [a, b, c] = corners;
                 let face = (b - a).cross(c - a).normalize();
                 let (foot, feature) = nearest_on_triangle(p, corners);

@@ -18,8 +18,9 @@ use parry3d_f64::shape::Triangle;
 pub(crate) enum Solid<'a> {
     /// A box, hull or solid of revolution placed in the world.
     Placed { shape: &'a Shape, position: Vec3, orientation: Quat },
-    /// A triangle in world coordinates.
-    Triangle([Vec3; 3]),
+    /// A triangle in world coordinates, counter-clockwise from its front, and the corners over which what
+    /// overlaps it may leave it toward its back.
+    Triangle { corners: [Vec3; 3], open: [bool; 3] },
 }
 
 impl<'a> Solid<'a> {
@@ -29,7 +30,7 @@ impl<'a> Solid<'a> {
             Self::Placed { shape, position, orientation } => {
                 Self::Placed { shape, position: position - origin, orientation }
             }
-            Self::Triangle(corners) => Self::Triangle(corners.map(|p| p - origin)),
+            Self::Triangle { corners, open } => Self::Triangle { corners: corners.map(|p| p - origin), open },
         }
     }
 
@@ -39,7 +40,7 @@ impl<'a> Solid<'a> {
                 let pose = Pose::from_parts(position / unit, orientation);
                 (shape.form().in_library(unit).expect("a solid with a kernel of its own"), pose)
             }
-            Self::Triangle(corners) => {
+            Self::Triangle { corners, .. } => {
                 let [a, b, c] = corners.map(|p| p / unit);
                 (Convex::Triangle(Triangle::new(a, b, c)), Pose::IDENTITY)
             }

@@ -9,6 +9,7 @@
 use super::capsule::{capsule_contacts, triangle_crossings};
 use super::manifold::{Solid, manifold_contacts};
 use super::reduce::Touch;
+use super::sheets::{LEVEL, Sheets};
 use super::triangle::{TriangleFeature, nearest_on_triangle};
 use crate::math::{Mat3, Quat, Vec3, mix};
 use crate::shape::{Capsule, Distance, Mesh, Shape, Sphere};
@@ -25,9 +26,7 @@ pub(crate) struct TriangleTree {
     /// Triangles around every vertex.
     around: TrianglesAround,
     tree: Bvh,
-    /// Whether it bounds a solid: a body is outside of all of it or inside of all of it, not on the side of
-    /// each triangle on which its centre is.
-    solid: bool,
+    sheets: Sheets,
 }
 
 /// The triangles around every vertex number, ascending.
@@ -91,13 +90,17 @@ impl Visitor<'_> {
 struct Candidate {
     touch: Touch,
     triangle: u32,
+    /// The side of the surface on which the body is, as by [`Sheets::sides`].
+    side: Option<f64>,
+    /// Normal of the triangle's face toward the body.
+    toward: Vec3,
     /// Nearest point of the triangle.
     foot: Vec3,
     feature: TriangleFeature,
 }
 
-/// Sine of an angle that is none.
-const LEVEL: f64 = 1e-6;
+/// Features of the lowest points of what leaves a triangle to its front, above those of its other contacts.
+const LOWEST: u64 = 1 << 62;
 
 /// Cosine of an angle up to which a normal may be that of a face, 6 degrees.
 const NEARLY: f64 = 0.995;
@@ -117,7 +120,8 @@ impl TriangleTree {
         let boxes: Vec<Aabb> =
             corners.iter().map(|t| Aabb::new(t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]))).collect();
         let tree = Bvh::from_leaves(BvhBuildStrategy::default(), &boxes);
-        Self { corners, shared, around, tree, solid: *solid }
+        let sheets = Sheets::new(&shared, *solid);
+        Self { corners, shared, around, tree, sheets }
     }
 
     /// Contacts with gap up to the envelope, in the mesh's frame, normals from the mesh to the visitor.
@@ -127,15 +131,14 @@ impl TriangleTree {
         let mut near: Vec<u32> = self.tree.intersect_aabb(&around).collect();
         near.sort_unstable();
         let mut candidates: Vec<Candidate> = Vec::new();
-        let side = self.side_of_solid(&near, visitor.position);
-        for &triangle in &near {
+        let sides = self.sheets.sides(&near, visitor.position, &self.corners, |triangle| self.face(triangle));
+        for (&triangle, &side) in near.iter().zip(&sides) {
+            let first = candidates.len();
             self.triangle_contacts(triangle, visitor, side, envelope, &mut candidates);
+            self.keep_to_side(first, visitor, envelope, &mut candidates);
         }
-        // What looks into the solid is a contact with the far side of an edge.
-        candidates
-            .retain(|c| side.is_none_or(|side| side * self.face(c.triangle).dot(c.touch.normal) >= -LEVEL));
         if !matches!(visitor.shape, Shape::Sphere(_)) {
-            self.leave_surface(&mut candidates, visitor, side);
+            self.leave_surface(&mut candidates, visitor);
         }
         let real = candidates.iter().filter(|c| self.is_real(c, &candidates, visitor));
         touches.extend(real.map(|c| c.touch));
@@ -162,7 +165,7 @@ impl TriangleTree {
                     let point = foot + 0.5 * gap * normal;
 
                     let touch = Touch { point, normal, gap, feature: triangle_feature(triangle, 0) };
-                    candidates.push(Candidate { touch, triangle, foot, feature });
+                    candidates.push(Candidate { touch, triangle, side, toward, foot, feature });
                 }
                 return;
             }
@@ -179,39 +182,69 @@ impl TriangleTree {
                 let solid = Solid::Placed { shape, position, orientation };
                 let unit = shape.bounding_radius();
                 let [a, b, c] = corners;
-                let facing = if toward == face { [a, b, c] } else { [a, c, b] };
-                manifold_contacts(solid, Solid::Triangle(facing), unit, position, envelope, &mut touches);
+                // Who is behind it, beyond a ridge say, is not held in front of it.
+                let is_free = side.is_none() || toward.dot(position - a) < 0.0;
+                let [p, q, r] = self.sheets.border(triangle).map(|is_open| is_open || is_free);
+                let (facing, open) =
+                    if toward == face { ([a, b, c], [p, q, r]) } else { ([a, c, b], [p, r, q]) };
+                let facing = Solid::Triangle { corners: facing, open };
+                manifold_contacts(solid, facing, unit, position, envelope, &mut touches);
             }
         }
         for mut touch in touches {
             touch.feature = triangle_feature(triangle, touch.feature);
             let (foot, feature) = nearest_on_triangle(touch.point - 0.5 * touch.gap * touch.normal, corners);
-            candidates.push(Candidate { touch, triangle, foot, feature });
+            candidates.push(Candidate { touch, triangle, side, toward, foot, feature });
         }
+    }
+
+    /// Takes away the candidates from `first` on, of one triangle, that look through the surface: contacts
+    /// with the far side of an edge. What overlaps the triangle in front of it leaves it to its front all the
+    /// same: its points that are lowest there and over the triangle are added. Contacts over the border of
+    /// the surface stay.
+    fn keep_to_side(
+        &self,
+        first: usize,
+        visitor: &Visitor<'_>,
+        envelope: f64,
+        candidates: &mut Vec<Candidate>,
+    ) {
+        let hair = LEVEL * visitor.shape.bounding_radius();
+        let is_through = |c: &Candidate| {
+            c.side.is_some() && c.toward.dot(c.touch.normal) < -LEVEL && !self.is_over_border(c, hair)
+        };
+        let through = candidates.extract_if(first.., |candidate| is_through(candidate));
+        let Some(overlapping) = through.filter(|candidate| candidate.touch.gap <= 0.0).last() else { return };
+        let Candidate { triangle, side, toward, .. } = overlapping;
+        let corners = self.corners[triangle as usize];
+        let Visitor { shape, position, orientation } = *visitor;
+        if toward.dot(position - corners[0]) < 0.0 {
+            return;
+        }
+        shape.form().lowest_points(orientation.conjugate() * -toward, &mut |own, radius, feature| {
+            let point = position + orientation * own - radius * toward;
+            let gap = toward.dot(point - corners[0]);
+            let (foot, on) = nearest_on_triangle(point - gap * toward, corners);
+            if gap <= envelope && (foot - point + gap * toward).length() <= hair {
+                let feature = triangle_feature(triangle, LOWEST + feature);
+                let touch = Touch { point: point - 0.5 * gap * toward, normal: toward, gap, feature };
+                candidates.push(Candidate { touch, triangle, side, toward, foot, feature: on });
+            }
+        });
+    }
+
+    /// Whether the normal leads over the border of the sheet: a hair along it lies on the border.
+    fn is_over_border(&self, candidate: &Candidate, hair: f64) -> bool {
+        let way = candidate.touch.normal.reject_from(candidate.toward).normalize_or_zero();
+        let corners = self.corners[candidate.triangle as usize];
+        let (_, feature) = nearest_on_triangle(candidate.foot + hair * way, corners);
+        self.sheets.is_border(candidate.triangle, feature)
     }
 
     /// The normal of the face of a triangle.
     fn face(&self, triangle: u32) -> Vec3 {
         let [a, b, c] = self.corners[triangle as usize];
         (b - a).cross(c - a).normalize()
-    }
-
-    /// The side of a solid on which a point is, 1 outside and -1 inside: that of the nearest of these
-    /// triangles; of several as near, of the one that looks at it most. None of a surface.
-    fn side_of_solid(&self, near: &[u32], point: Vec3) -> Option<f64> {
-        let seen = near.iter().filter(|_| self.solid).map(|&triangle| {
-            let away = point - nearest_on_triangle(point, self.corners[triangle as usize]).0;
-            (away.length(), self.face(triangle).dot(away))
-        });
-        let nearer = |best: (f64, f64), next: (f64, f64)| {
-            let is_as_near = (next.0 - best.0).abs() <= LEVEL * best.0;
-            if is_as_near && next.1.abs() > best.1.abs() || !is_as_near && next.0 < best.0 {
-                next
-            } else {
-                best
-            }
-        };
-        seen.reduce(nearer).map(|(_, height)| 1.0_f64.copysign(height))
     }
 
     /// The other triangles that have these corners of a triangle.
@@ -238,58 +271,66 @@ impl TriangleTree {
         nearest_on_triangle(foot + (leaves + LEVEL * far) * way, corners).1
     }
 
-    /// Whether the normal tilts from the face of the triangle over an edge or corner beyond which the surface
-    /// rises along it: then the points beyond are nearer to the body, and the edge bears nothing.
-    fn rises_along(&self, candidate: &Candidate) -> bool {
+    /// Where the normal tilts from the face of the triangle over an edge or corner beyond which the surface
+    /// rises along it, so that the points beyond are nearer to the body and the edge bears nothing: the sine
+    /// by which what is beyond rises in front of the face, negative at a ridge. `None` elsewhere.
+    fn rise_beyond(&self, candidate: &Candidate) -> Option<f64> {
         let (normal, triangle) = (candidate.touch.normal, candidate.triangle);
         let (corners, shared) = (self.corners[triangle as usize], self.shared[triangle as usize]);
-        let rises = |way: Vec3| normal.dot(way.normalize_or_zero()) > LEVEL;
+        let rise = |way: Vec3| {
+            let way = way.normalize_or_zero();
+            (normal.dot(way) > LEVEL).then(|| candidate.toward.dot(way))
+        };
         match self.exit(triangle, candidate.foot, normal) {
-            TriangleFeature::Face => false,
+            TriangleFeature::Face => None,
             TriangleFeature::Edge(k) => {
                 let ends = [k, (k + 1) % 3];
                 let along = corners[ends[1]] - corners[ends[0]];
-                self.sharing(triangle, &ends.map(|end| shared[end])).any(|other| {
+                let numbers = ends.map(|end| shared[end]);
+                let beyond = self.sharing(triangle, &numbers).filter_map(|other| {
                     let numbers = self.shared[other as usize];
                     let apex =
-                        (0..3).find(|&i| numbers[i] != shared[ends[0]] && numbers[i] != shared[ends[1]]);
-                    let beyond = apex.map(|i| self.corners[other as usize][i] - corners[k]);
-                    beyond.is_some_and(|beyond| rises(beyond.reject_from(along)))
-                })
+                        (0..3).find(|&i| numbers[i] != shared[ends[0]] && numbers[i] != shared[ends[1]])?;
+                    rise((self.corners[other as usize][apex] - corners[k]).reject_from(along))
+                });
+                beyond.reduce(f64::max)
             }
-            TriangleFeature::Vertex(k) => self.sharing(triangle, &[shared[k]]).any(|other| {
-                let from_here = |&corner: &Vec3| rises(corner - corners[k]);
-                self.corners[other as usize].iter().any(from_here)
-            }),
+            TriangleFeature::Vertex(k) => {
+                let number = [shared[k]];
+                let others = self.sharing(triangle, &number);
+                let ways = others.flat_map(|other| self.corners[other as usize].map(|p| p - corners[k]));
+                ways.filter_map(rise).reduce(f64::max)
+            }
         }
     }
 
     /// Takes away the contacts of flat bodies and capsules with edges that bear nothing, where there is a
     /// gap. Where the normal is nearly that of the triangle's face (the library's is one of the body's own
-    /// faces, or rough where bodies barely touch), it becomes that; and so where the body overlaps the
-    /// triangle and lies over it: the least way out of one triangle may lead along the surface, out of the
-    /// surface it does not.
-    fn leave_surface(&self, candidates: &mut Vec<Candidate>, visitor: &Visitor<'_>, side: Option<f64>) {
+    /// faces, or rough where bodies barely touch), it becomes that; so in the corner of a valley, whose other
+    /// slope is in front of the face; and so where the body overlaps the triangle and lies over it: the least
+    /// way out of one triangle may lead along the surface, out of the surface it does not.
+    fn leave_surface(&self, candidates: &mut Vec<Candidate>, visitor: &Visitor<'_>) {
         candidates.retain_mut(|candidate| {
             let corners = self.corners[candidate.triangle as usize];
-            let face = self.face(candidate.triangle);
-            let cosine = face.dot(candidate.touch.normal);
-            if cosine.abs() > 1.0 - 0.5 * LEVEL * LEVEL || !self.rises_along(candidate) {
+            let cosine = candidate.toward.dot(candidate.touch.normal);
+            if cosine.abs() > 1.0 - 0.5 * LEVEL * LEVEL {
                 return true;
             }
+            let Some(rise) = self.rise_beyond(candidate) else { return true };
             let touch = &mut candidate.touch;
             let overlap = (-touch.gap).max(0.0);
             let on_body = touch.point + 0.5 * touch.gap * touch.normal;
-            // A normal along the surface does not tell the side.
             let is_face = cosine.abs() > NEARLY;
-            let height = if is_face { cosine } else { face.dot(visitor.position - corners[0]) };
-            touch.normal = if side.unwrap_or(height) < 0.0 { -face } else { face };
+            let is_back = candidate.side.is_none() && is_face && cosine < 0.0;
+            touch.normal = if is_back { -candidate.toward } else { candidate.toward };
             let on_body = visitor.foremost_around(on_body, touch.normal);
             touch.gap = touch.normal.dot(on_body - corners[0]);
             touch.point = on_body - 0.5 * touch.gap * touch.normal;
             let foot = on_body - touch.gap * touch.normal;
             let beside = (nearest_on_triangle(foot, corners).0 - foot).length();
-            is_face || overlap > 0.0 && beside <= overlap + LEVEL * visitor.shape.bounding_radius()
+            is_face
+                || rise > LEVEL
+                || overlap > 0.0 && beside <= overlap + LEVEL * visitor.shape.bounding_radius()
         });
     }
 

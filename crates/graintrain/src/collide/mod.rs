@@ -10,6 +10,7 @@
 //! | `narrow` | contacts of two bodies, shape by shape |
 //! | `triangle`, `plane`, `capsule` | closed-form kernels |
 //! | `mesh` | triangle meshes, without contacts that only the cut into triangles makes |
+//! | `sheets` | the sides of a mesh |
 //! | `polyhedra` | boxes, convex hulls and triangles with each other, in closed form |
 //! | `manifold` | cylinders and cones with each other and with those, through the collision library |
 //! | `corners`, `edges` | points of corners and edges that both leave out |
@@ -41,6 +42,7 @@ mod reduce;
 #[cfg(test)]
 mod sampled_motions;
 mod search;
+mod sheets;
 pub(crate) mod sweep;
 pub(crate) mod triangle;
 pub(crate) mod union;

@@ -10,6 +10,7 @@
 
 use super::manifold::Solid;
 use super::reduce::Touch;
+use super::sheets::LEVEL;
 use crate::hull::HullEdge;
 use crate::math::{Mat3, Quat, Vec3, tangents};
 use crate::shape::polyhedron::FaceSet;
@@ -54,8 +55,9 @@ pub(crate) struct Polyhedron<'a> {
     corners: Vec<Vec3>,
     faces: Vec<Face<'a>>,
     edges: &'a [HullEdge],
-    /// Without volume: a triangle, whose two faces look away from each other.
-    is_flat: bool,
+    /// Of a triangle, which is without volume and has two faces that look away from each other: the corners
+    /// over which it may be left toward its second face.
+    open: Option<[bool; 3]>,
 }
 
 /// Faces of a box whose corner k lies on the upper side of axis i where bit i of k is set, counter-clockwise
@@ -103,19 +105,19 @@ impl<'a> Polyhedron<'a> {
                     corners: hull.corners().iter().map(|p| position + rotation * *p).collect(),
                     faces: faces.collect(),
                     edges: hull.edges(),
-                    is_flat: false,
+                    open: None,
                 })
             }
             Solid::Placed { shape: &Shape::Box(Cuboid { half }), position, orientation } => {
                 Some(Self::of_box(half, position, orientation))
             }
-            Solid::Triangle(corners) => {
+            Solid::Triangle { corners, open } => {
                 let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
                 let sides = TRIANGLE_FACES.iter().zip([normal, -normal]);
                 let faces =
                     sides.map(|(own, normal)| Face { normal, offset: normal.dot(corners[0]), corners: own });
                 let corners = corners.to_vec();
-                Some(Self { faces: faces.collect(), edges: &TRIANGLE_EDGES, corners, is_flat: true })
+                Some(Self { faces: faces.collect(), edges: &TRIANGLE_EDGES, corners, open: Some(open) })
             }
             Solid::Placed { .. } => None,
         }
@@ -136,12 +138,20 @@ impl<'a> Polyhedron<'a> {
             corners: (0..8).map(corner).collect(),
             faces: BOX_FACES.iter().enumerate().map(face).collect(),
             edges: &BOX_EDGES,
-            is_flat: false,
+            open: None,
         }
     }
 
+    /// Whether it is a triangle.
     pub(super) fn is_flat(&self) -> bool {
-        self.is_flat
+        self.open.is_some()
+    }
+
+    /// Whether what overlaps it may leave it along a direction: a triangle not through it to its back, but
+    /// over its open corners.
+    fn is_left_along(&self, way: Vec3) -> bool {
+        let farthest = || self.lowest(-way).0;
+        self.open.is_none_or(|open| self.faces[0].normal.dot(way) >= -LEVEL || open[farthest()])
     }
 
     pub(super) fn corners(&self) -> &[Vec3] {
@@ -308,6 +318,11 @@ fn distance_bound(a: &Polyhedron<'_>, b: &Polyhedron<'_>, envelope: f64) -> Opti
     Some(v.length())
 }
 
+/// Whether what overlaps can be parted along a normal, from A to B.
+fn part(a: &Polyhedron<'_>, b: &Polyhedron<'_>, normal: Vec3) -> bool {
+    a.is_left_along(normal) && b.is_left_along(-normal)
+}
+
 /// The normal along which the polyhedra are farthest apart; `None` if that is more than the envelope. Of
 /// edges those come first that may be nearest to each other: polyhedra are apart by no more than the bound,
 /// and where they overlap, the edges across which they do so least cross each other at a distance of that
@@ -331,12 +346,13 @@ fn separation(a: &Polyhedron<'_>, b: &Polyhedron<'_>, unit: f64, envelope: f64) 
             if gap > envelope {
                 return None;
             }
-            if !best.as_ref().is_some_and(|best| is_less(best, height)) {
+            let normal = sign * face.normal;
+            if !best.as_ref().is_some_and(|best| is_less(best, height)) && (gap > 0.0 || part(a, b, normal)) {
                 let point = other.corners[corner];
                 let foot = point - gap * face.normal;
                 let points = if sign > 0.0 { [foot, point] } else { [point, foot] };
                 let are_nearest = is_over(one, face, foot, unit);
-                best = Some(Separation { normal: sign * face.normal, gap, points, are_nearest });
+                best = Some(Separation { normal, gap, points, are_nearest });
             }
         }
     }
@@ -355,7 +371,7 @@ fn separation(a: &Polyhedron<'_>, b: &Polyhedron<'_>, unit: f64, envelope: f64) 
     // Nearest with a corner: the normal that all edges give is nearer to the way from it.
     let [p, q] = [a.farthest(best.normal), b.farthest(-best.normal)];
     // Those of a triangle have no arcs.
-    let any = a.is_flat || b.is_flat;
+    let any = a.is_flat() || b.is_flat();
     let facing = [(a, q), (b, p)]
         .map(|(own, other)| if any { own.edges.iter().collect() } else { own.edges_toward(other, best.gap) });
     across_edges([a, b], &facing, unit, envelope, best)
@@ -371,7 +387,7 @@ fn across_edges(
     mut best: Separation,
 ) -> Option<Separation> {
     let toward = b.middle() - a.middle();
-    let any = a.is_flat || b.is_flat;
+    let any = a.is_flat() || b.is_flat();
     let arcs_b: Vec<Arc> = edges_b.iter().map(|edge| Arc::of(b, edge, -1.0)).collect();
     for edge_a in edges_a {
         let [p0, p1] = a.ends(edge_a);
@@ -398,7 +414,9 @@ fn across_edges(
             if gap > envelope {
                 return None;
             }
-            if gap > best.gap + FACES_FIRST * unit && (!any || normal.dot(q0 - p0) <= gap + BESIDE * unit) {
+            let is_more = gap > best.gap + FACES_FIRST * unit;
+            let of_edges = !any || normal.dot(q0 - p0) <= gap + BESIDE * unit;
+            if is_more && of_edges && (gap > 0.0 || part(a, b, normal)) {
                 let (s, t) = nearest_parameters(p0, along_a, q0, along_b);
                 let are_nearest = (0.0..=1.0).contains(&s) && (0.0..=1.0).contains(&t);
                 let [s, t] = [s, t].map(|x| x.clamp(0.0, 1.0));

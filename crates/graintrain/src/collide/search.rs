@@ -1,6 +1,7 @@
 //! Which touches of two bodies count: those within the envelope, and those that may close within the step.
 
 use super::reduce::Touch;
+use crate::math::Vec3;
 use crate::world::World;
 
 /// How far contacts are looked for.
@@ -54,11 +55,14 @@ impl Search {
     }
 }
 
-/// Velocities of the bodies A and B at a touch along its normal, m/s.
+/// Velocities of the surfaces of A and B at a touch along its normal, m/s. What is round about an axis turns
+/// about it in itself: its points move, its surface does not.
 pub(super) fn surface_speeds(world: &World, pair: [u32; 2], touch: &Touch) -> [f64; 2] {
     let [a, b] = world.pair_velocities(pair);
     [(pair[0], a), (pair[1], b)].map(|(body, [velocity, spin])| {
-        let arm = world.way_to(body as usize, touch.point);
-        touch.normal.dot(velocity + spin.cross(arm))
+        let body = body as usize;
+        let axis = world.geometries[world.bodies.geometry[body].index()].axis_of_revolution();
+        let own = axis.map_or(Vec3::ZERO, |axis| spin.project_onto(world.bodies.orientation[body] * axis));
+        touch.normal.dot(velocity + (spin - own).cross(world.way_to(body, touch.point)))
     })
 }

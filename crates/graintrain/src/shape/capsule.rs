@@ -97,6 +97,10 @@ impl Form for Capsule {
         }
     }
 
+    fn is_of_revolution(&self) -> bool {
+        true
+    }
+
     fn half_axis(&self) -> Option<f64> {
         Some(self.half_length)
     }

@@ -296,6 +296,10 @@ macro_rules! of_frustum {
             self.frustum().crossings(centre, half_axis)
         }
 
+        fn is_of_revolution(&self) -> bool {
+            true
+        }
+
         fn lowest_points(&self, down: Vec3, each: &mut dyn FnMut(Vec3, f64, u64)) {
             self.frustum().lowest_points(down, each);
         }

@@ -236,6 +236,16 @@ impl Geometry {
         Ok((Self { parts, volume, unit_inertia }, centre))
     }
 
+    /// The axis through the body's origin about which it is round, unit; of bodies of one part.
+    pub(crate) fn axis_of_revolution(&self) -> Option<Vec3> {
+        match self.parts.as_slice() {
+            [part] if part.position == Vec3::ZERO && part.shape.form().is_of_revolution() => {
+                Some(part.orientation * Vec3::Z)
+            }
+            _ => None,
+        }
+    }
+
     /// Radius of a ball about the body's origin that holds the geometry, m; infinite if a part is a plane.
     pub fn bounding_radius(&self) -> f64 {
         self.parts

@@ -108,6 +108,11 @@ pub(crate) trait Form {
         None
     }
 
+    /// Whether it is round about the z axis.
+    fn is_of_revolution(&self) -> bool {
+        false
+    }
+
     /// Of what is round about the z axis: half the length of that axis, m, zero for a ball.
     fn half_axis(&self) -> Option<f64> {
         None

@@ -7,6 +7,7 @@ use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
 use graintrain::world::{Body, World};
+use std::f64::consts::PI;
 
 const UPRIGHT: [bool; 6] = [true, true, true, false, false, false];
 
@@ -172,5 +173,35 @@ fn a06_sphere_on_an_incline() {
         let (_, _, below) = sphere_down_incline(threshold - 1e-3, tilt, model);
         println!("A6 {model:?}: slip at threshold +-1e-3 after 0.5 s: {above:.1e}, {below:.1e} m/s");
         assert!(above.abs() < 1e-7 && below > 1e-2);
+    }
+}
+
+/// A cylinder on its mantle and a coin on its rim keep on rolling, and are pulled faster, when they
+/// turn by more than a radian in a step: points of their rims far from the ground do not come down, other
+/// points take their places. A third of the force is friction that spins the cylinder.
+#[test]
+fn what_rolls_may_turn_by_more_than_a_radian_in_a_step() {
+    let lying = Quat::from_rotation_x(0.5 * PI);
+    for (length, pull, speed, step) in
+        [(0.1, 3.0, 0.0, 0.02), (0.02, 3.0, 0.0, 0.02), (0.005, 0.0, 5.0, 0.02), (0.005, 0.0, 35.0, 0.005)]
+    {
+        let mut world = world(0.5, 0.0);
+        add_ground(&mut world, 0.0);
+        let geometry = world.add_geometry(Geometry::cylinder(length, 0.05).unwrap());
+        let body = Body {
+            orientation: lying,
+            velocity: Vec3::new(speed, 0.0, 0.0),
+            angular_velocity: Vec3::new(0.0, speed / 0.05, 0.0),
+            ..Body::new(geometry, MaterialId::default(), Vec3::new(0.0, 0.0, 0.05))
+        };
+        let body = world.add_body(body).unwrap();
+        let force = Vec3::new(pull * world.bodies.mass[body.index()], 0.0, 0.0);
+        world.bodies.force[body.index()] = force;
+        let mut stepper = stepper(step, 1e-3, 1e-8, FrictionModel::Coulomb);
+        run(&mut stepper, &mut world, (2.0 / step) as usize);
+        let (v, x) = (world.bodies.velocity[body.index()], world.bodies.position[body.index()]);
+        let expected = speed + 2.0 / 3.0 * pull * 2.0;
+        assert!((v - Vec3::new(expected, 0.0, 0.0)).length() < 1e-4 * expected, "{length} {pull}: {v}");
+        assert!((x.z - 0.05).abs() < 1e-5, "{length} {pull}: {x}");
     }
 }

@@ -182,6 +182,50 @@ fn add_surface(world: &mut World, vertices: Vec<Vec3>, triangles: Vec<[u32; 3]>,
     world.add_body(body).unwrap().index()
 }
 
+/// What is thin in front slides along the floor of a valley into its slope: it goes up or stops there, and
+/// does not go under the slope, though the way out through its own top is shorter.
+#[test]
+fn wedges_slide_into_the_slope_of_a_valley() {
+    let wedge: Vec<Vec3> = [(0.0, 0.0), (0.2, 0.0), (0.0, 0.067)]
+        .iter()
+        .flat_map(|&(x, z)| [0.0, 0.1].map(|y| Vec3::new(x, y, z)))
+        .collect();
+    let shapes = [
+        ("wedge", Geometry::hull(&wedge).unwrap().0, 0.067 / 3.0),
+        ("cone", Geometry::cone(0.06, 0.1, 0.0).unwrap(), 0.015),
+        ("frustum", Geometry::cone(0.02, 0.1, 0.05).unwrap(), 0.0079),
+    ];
+    for (name, shape, height) in shapes {
+        for (slope, step) in [(34.0_f64, 2e-3), (60.0, 2e-3), (60.0, 1e-2)] {
+            let (sin, cos) = slope.to_radians().sin_cos();
+            let profile = [(-1.0, 0.0), (0.0, 0.0), (0.5 * cos, 0.5 * sin), (1.5 * cos, 1.5 * sin)];
+            let place = |&(x, z): &(f64, f64)| [-1.0, 0.0, 1.0].map(|y| Vec3::new(x, y, z));
+            let vertices: Vec<Vec3> = profile.iter().flat_map(place).collect();
+            let square = |a: u32| [[a, a + 3, a + 4], [a, a + 4, a + 1]];
+            let triangles = [0, 1, 3, 4, 6, 7].into_iter().flat_map(square).collect();
+            let mut world = world(0.6, 0.0);
+            add_surface(&mut world, vertices, triangles, Motion::fixed());
+            let geometry = world.add_geometry(shape.clone());
+            let place = Vec3::new(-0.5, 0.02, height + 1e-4);
+            let velocity = Vec3::new(4.0, 0.0, 0.0);
+            let body = Body {
+                velocity,
+                orientation: Quat::from_rotation_z(0.3),
+                ..Body::new(geometry, MaterialId::default(), place)
+            };
+            let body = world.add_body(body).unwrap().index();
+            let mut stepper = stepper(step, FrictionModel::Coulomb);
+            for _ in 0..(0.4 / step) as usize {
+                let report = stepper.step(&mut world).unwrap();
+                let overlap = report.penetration_max_over_size;
+                assert!(overlap < 2e-3, "{name} {slope} {step}: {overlap}");
+                let Vec3 { x, z, .. } = world.bodies.position[body];
+                assert!(z > (x * sin / cos).max(0.0), "{name} {slope} {step}: {x} {z}");
+            }
+        }
+    }
+}
+
 /// Without friction a drum of facets turns under what lies in it: no contact with the facets further up
 /// carries it along.
 #[test]
