@@ -18,6 +18,7 @@
 //! so: impacts with restitution, contacts found in the midst of the step, drag. Turns that mend overlap and
 //! take the angular velocity with them are left out.
 
+use crate::collide::Collider;
 use crate::contact::Contact;
 use crate::handle::MaterialId;
 use crate::integrate::free_velocity_derivative;
@@ -29,6 +30,7 @@ use crate::world::World;
 use graintrain_ccp::registry::Method;
 use graintrain_ccp::sensitivity::{Adjoint, ContactState, Sensitivity, SensitivityError};
 use graintrain_ccp::{Ccp, Criterion, Delassus, FIXED, FrictionModel, RigidDelassus, SolverSpec};
+use std::collections::HashMap;
 
 /// Residual that the step's problem is solved to, and the largest accepted.
 const TOLERANCE: (f64, f64) = (1e-11, 1e-9);
@@ -167,6 +169,17 @@ impl StepGradient {
         };
         if problem.num_contacts() != after.contacts.contacts.len() {
             return unsupported("bodies are about to meet with restitution; a shorter time step may do");
+        }
+        // Planes of what passes lie where the velocities put them.
+        let found = Collider::default().contacts(world, settings.envelope, settings.step);
+        let gaps: HashMap<u64, f64> = found.iter().map(|c| (c.identity, c.gap)).collect();
+        let is_moved = |c: &Contact| gaps.get(&c.identity).is_some_and(|gap| *gap != c.gap);
+        let pressing =
+            after.contacts.contacts.iter().zip(impulse.chunks_exact(3)).filter(|(_, g)| g[0] > 0.0);
+        if pressing.into_iter().any(|(contact, _)| is_moved(contact)) {
+            return unsupported(
+                "a body is deflected into another one that it would pass; a shorter time step may do",
+            );
         }
         let sensitivity = Sensitivity::new(problem, impulse).map_err(|source| at_contact(source, &after))?;
         let problem = problem.clone();

@@ -192,7 +192,7 @@ impl ImpactSolver<'_> {
     fn passes(&self, world: &World, contact: &Contact, motion: &Motion, index: u32, step: f64) -> bool {
         let pair = [contact.body_a.min(contact.body_b), contact.body_a.max(contact.body_b)];
         let balls = pair.iter().filter(|&&body| self.collider.is_ball(world, body as usize)).count();
-        if contact.gap <= 0.0 || balls != 1 {
+        if contact.gap <= 0.0 || balls == 2 {
             return false;
         }
         let [now, later] = motion.normal(index as usize).map(|u| contact.gap + step * u);

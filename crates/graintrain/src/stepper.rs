@@ -34,7 +34,7 @@ use crate::collide::Collider;
 use crate::contact::Contact;
 use crate::error::{ModelError, positive};
 use crate::impact::lead_to_surfaces;
-use crate::integrate::{advance, displace};
+use crate::integrate::{advance, displace, velocities};
 use crate::joint::drift;
 use crate::load;
 use crate::overlap::Correction;
@@ -221,13 +221,23 @@ impl Stepper {
             Some((_, contacts)) => contacts,
             None => self.collider.contacts(world, envelope, step),
         };
-        // What flies past meets nothing.
-        let flown_past = |contact| self.collider.flown_past(world, contact, step);
-        let mut contacts = contacts.into_iter().filter_map(flown_past).collect();
+        // What flies past meets nothing; deflected, it would meet elsewhere what it passes so fast.
+        let past = self.flown_past(world, &contacts, &velocities(world));
+        let is_fast = |(before, after): &(&Contact, Contact)| {
+            after.gap > before.gap && after.gap > 0.5 * self.collider.contact_size(world, after)
+        };
+        let slow = contacts.iter().zip(past).filter(|pair| !is_fast(pair));
+        let mut contacts = slow.map(|(_, after)| after).collect();
         leave_covered_out(world, &self.collider, step, &mut contacts);
         let mut rounds = Rounds::of(contacts);
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
         Ok(rounds)
+    }
+
+    /// Contacts with the planes of bodies that pass each other moved out of their way.
+    fn flown_past(&self, world: &World, contacts: &[Contact], velocity: &[f64]) -> Vec<Contact> {
+        let seen = self.parameters.repetition.undetected;
+        self.collider.flown_past(world, contacts, velocity, self.settings.step, seen)
     }
 
     /// Moves the bodies as the solve says, removes overlap that it foresaw, closes joints, and finds the

@@ -8,6 +8,7 @@ use super::narrow::{Collidable, Placed, body_contacts};
 use super::reduce::Touch;
 use super::search::{Search, surface_speeds};
 use super::sweep::{advanced, arrivals, comes_within, time_of_impact};
+use crate::cell::image_velocity;
 use crate::contact::Contact;
 use crate::math::{Quat, Vec3};
 use crate::shape::Part;
@@ -148,8 +149,8 @@ impl Collider {
 
     /// Whether two bodies of the world that move with these velocities (u, w), as a step moves them, nowhere
     /// overlap by more than `allowed` and what they fell till then, `fall` by the end of the step, m. Looked
-    /// at in so many poses that a face no more curved than the smaller body's size is not missed; `false`
-    /// where that would take more than [`POSES`].
+    /// at in so many poses that a face no more curved than the smaller body's size is not missed; where that
+    /// would take more than [`POSES`], whether they nowhere touch.
     pub(crate) fn pass_freely(
         &self,
         world: &World,
@@ -170,8 +171,11 @@ impl Collider {
         let way = step * ((velocities[0][0] - velocities[1][0]).length() + turn(0, a.form) + turn(1, b.form));
         // A chord of c leaves a circle of radius R by c^2 / 8 R.
         let poses = way / (8.0 * allowed * a.form.size.min(b.form.size)).sqrt();
-        if poses.is_nan() || poses > POSES {
+        if poses.is_nan() {
             return false;
+        }
+        if poses > POSES {
+            return time_of_impact(a, b, velocities[0], velocities[1], step, 0.0).is_none();
         }
         let poses = poses.ceil().max(1.0);
         let mut touches = Vec::new();
@@ -247,37 +251,79 @@ impl Collider {
         Some(Contact { lead, image, identity: apart.identity, ..contact(pair, &arrival.touch) })
     }
 
-    /// What becomes of the contact of two balls that pass each other, as they move now, though its plane has
-    /// them overlap at the end of the step:
+    /// What becomes of the contacts of bodies that move with these velocities, six numbers each, where they
+    /// pass each other though planes have them overlap at the end of the step by more than `seen` of the
+    /// smaller one's size, Phi + dt n . u < 0: the plane is further off, so that it pushes only what is
+    /// deflected across it. Phi + dt n . u is 0 then, and for balls, along the line of centres, so that
+    /// angular momentum stays, how near they come.
+    pub(crate) fn flown_past(
+        &self,
+        world: &World,
+        contacts: &[Contact],
+        velocity: &[f64],
+        step: f64,
+        seen: f64,
+    ) -> Vec<Contact> {
+        let pair = |contact: &Contact| [contact.body_a, contact.body_b];
+        let of = |body: u32| [0, 3].map(|k| Vec3::from_slice(&velocity[6 * body as usize + k..][..3]));
+        let speed = |body: u32, contact: &Contact| {
+            let [u, w] = of(body);
+            u + w.cross(world.way_to(body as usize, contact.point))
+        };
+        let closed = |c: &Contact| {
+            let mut approach = speed(c.body_a, c) - speed(c.body_b, c);
+            if c.image != [0; 3] {
+                approach -= image_velocity(world.cell(), c);
+            }
+            -step * c.normal.dot(approach)
+        };
+        let of_pair = |group: &[Contact]| {
+            let bodies = pair(&group[0]);
+            let velocities = bodies.map(of);
+            if bodies.iter().all(|&body| self.is_ball(world, body as usize)) {
+                let past = |c: &Contact| self.balls_past(world, c, velocities, closed(c), step);
+                return group.iter().map(past).collect();
+            }
+            let size = self.contact_size(world, &group[0]);
+            let closes = |c: &&Contact| c.gap > 0.0 && closed(c) > c.gap + seen * size;
+            let least = group.iter().filter(closes).map(|c| closed(c) - c.gap).reduce(f64::min);
+            let passes = least.is_some_and(|least| {
+                let allowed = (PASSED * least).min(seen * size);
+                self.pass_freely(world, bodies, velocities, step, allowed, 0.0)
+            });
+            let moved =
+                |c: &Contact| if passes && closes(&c) { Contact { gap: closed(c), ..*c } } else { *c };
+            group.iter().map(moved).collect::<Vec<_>>()
+        };
+        contacts.par_chunk_by(|c, d| pair(c) == pair(d)).flat_map_iter(of_pair).collect()
+    }
+
+    /// [`Self::flown_past`] of two balls that close by `closed` along the normal:
     ///
     /// ```text
-    /// Phi + dt n . u < 0   but   |x + t u| > r_A + r_B   for 0 <= t <= dt      (x, u: place and velocity of A relative to B)
+    /// |x + t u| > r_A + r_B   for 0 <= t <= dt      (x, u: place and velocity of A relative to B).
     /// ```
-    ///
-    /// Balls that move by half of the smaller one or more have none: if they are deflected onto each other,
-    /// they meet elsewhere. For others the plane is further off, so that Phi + dt n . u is how near they
-    /// come, min |x + t u| - r_A - r_B: it pushes only what is deflected across it, along the line of
-    /// centres, so that angular momentum stays.
-    pub(crate) fn flown_past(&self, world: &World, contact: Contact, step: f64) -> Option<Contact> {
-        let pair = [contact.body_a, contact.body_b];
-        if contact.gap <= 0.0 || !pair.iter().all(|&body| self.is_ball(world, body as usize)) {
-            return Some(contact);
+    fn balls_past(
+        &self,
+        world: &World,
+        contact: &Contact,
+        velocities: [[Vec3; 2]; 2],
+        closed: f64,
+        step: f64,
+    ) -> Contact {
+        if contact.gap <= 0.0 || contact.gap >= closed {
+            return *contact;
         }
-        let ([a, b], _) = self.placed_pair(world, pair);
-        let [[v_a, _], [v_b, _]] = world.pair_velocities(pair);
-        let (apart, approach) = (a.position - b.position, v_a - v_b);
+        let ([a, b], image) = self.placed_pair(world, [contact.body_a, contact.body_b]);
+        let mut approach = velocities[0][0] - velocities[1][0];
+        if let Some(cell) = world.cell().filter(|_| image != [0; 3]) {
+            approach -= cell.image_velocity(image);
+        }
+        let apart = a.position - b.position;
         let radii = [a, b].map(|ball| ball.form.bounding_radius);
-        let closed = -step * contact.normal.dot(approach);
-        if contact.gap >= closed {
-            return Some(contact);
-        }
         let time = (-apart.dot(approach) / approach.length_squared()).min(step);
         let nearest = (apart + time * approach).length() - radii[0] - radii[1];
-        if nearest <= 0.0 {
-            return Some(contact);
-        }
-        let is_slow = step * approach.length() < 0.5 * radii[0].min(radii[1]);
-        is_slow.then_some(Contact { gap: closed + nearest, ..contact })
+        if nearest > 0.0 { Contact { gap: closed + nearest, ..*contact } } else { *contact }
     }
 
     /// Size of the smaller body of a contact, m.
@@ -502,6 +548,9 @@ const FAST: f64 = 0.5;
 
 /// Poses of a pair looked at to see whether it passes.
 const POSES: f64 = 512.0;
+
+/// Bodies pass each other if they overlap on their way by no more than this fraction of what planes foresee.
+const PASSED: f64 = 0.2;
 
 /// Turn of a body within a step, rad, up to which a fixed normal does.
 const TURN: f64 = 0.3;

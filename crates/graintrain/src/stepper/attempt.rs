@@ -39,6 +39,8 @@ pub(super) struct Attempt {
     pub(super) posed: Option<Ccp>,
     /// The periodic cell at the start of the step with the rates after it.
     pub(super) cell: Option<Cell>,
+    /// The contacts of the step with planes moved out of the way of bodies that part, after impacts.
+    moved: Option<Vec<Contact>>,
     /// Impulses of the contact problem, contact frames.
     pub(super) impulse: Vec<f64>,
     /// Contacts of the problem as indices into those of the step.
@@ -52,6 +54,13 @@ pub(super) struct Attempt {
     pub(super) velocity: Vec<f64>,
     pub(super) solve: SolveReport,
     pub(super) parts: usize,
+}
+
+impl Attempt {
+    /// The contacts of the step as the problem was posed with them.
+    pub(super) fn posed_with<'a>(&'a self, contacts: &'a [Contact]) -> &'a [Contact] {
+        self.moved.as_deref().unwrap_or(contacts)
+    }
 }
 
 /// The contact problem of a step, posed again where joints have to be other than foreseen.
@@ -158,6 +167,8 @@ impl Stepper {
         let impacting = Clock::now();
         let impacts = self.resolve_impacts(world, Rows { contacts, rows: &rows, inverse_mass: &masses })?;
         let impact_lap = impacting.lap();
+        let moved = (impacts.count > 0).then(|| self.parted(world, rounds, &impacts.velocity));
+        let contacts = moved.as_deref().unwrap_or(contacts);
         // In impacts drag has no time to act.
         let masses = if world.drag.is_empty() { masses } else { inverse_mass_in_step(world, step) };
         let pulls = elasticity::pulls(world, contacts, |c| self.collider.contact_size(world, c), step);
@@ -195,6 +206,7 @@ impl Stepper {
         rounds.laps.add(|phases| &mut phases.solve, impact_lap);
         rounds.laps.add(|phases| &mut phases.solve, solving.lap());
         Ok(Attempt {
+            moved,
             problem,
             posed,
             cell,
@@ -208,6 +220,18 @@ impl Stepper {
             solve,
             parts,
         })
+    }
+
+    /// The contacts of a step after its impacts: what parts is not held by planes of where it came from, but
+    /// for those that were seen to be met.
+    fn parted(&self, world: &World, rounds: &Rounds, velocity: &[f64]) -> Vec<Contact> {
+        let mut moved = self.flown_past(world, &rounds.contacts, velocity);
+        for (now, before) in moved.iter_mut().zip(&rounds.contacts) {
+            if rounds.kept.contains(&before.identity) {
+                *now = *before;
+            }
+        }
+        moved
     }
 
     /// The impacts before the step.

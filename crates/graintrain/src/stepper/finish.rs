@@ -55,7 +55,7 @@ impl Stepper {
             all = of_each(&kept, |&k| rigid.contacts()[k]);
             &all
         };
-        let chosen = chosen_of(contacts, &active);
+        let chosen = chosen_of(attempt.posed_with(contacts), &active);
         let u = relative_velocities(attempt.cell.as_ref(), &chosen, rows, &attempt.velocity);
         let gap: Vec<f64> = chosen.iter().zip(u.chunks_exact(3)).map(|(c, u)| c.gap + step * u[0]).collect();
         let size: Vec<f64> = active.iter().map(|&i| size[i as usize]).collect();
@@ -242,7 +242,7 @@ impl Stepper {
     fn left_over(&self, contacts: &[Contact], attempt: &Attempt, size: &[f64]) -> PhysicalErrors {
         let Attempt { problem, cell, impulse, active, velocity, .. } = attempt;
         let Delassus::Rigid(rigid) = &*problem.delassus else { return PhysicalErrors::default() };
-        let chosen = chosen_of(contacts, active);
+        let chosen = chosen_of(attempt.posed_with(contacts), active);
         let size: Vec<f64> = active.iter().map(|&i| size[i as usize]).collect();
         let mut u = relative_velocities(cell.as_ref(), &chosen, rigid.contacts(), velocity);
         u.extend(turning_velocities(&chosen, rigid.contacts(), rigid.turning(), velocity));

@@ -142,7 +142,7 @@ pub(super) struct Rounds {
     /// Contacts under way that bodies are driven into all the same, by identity.
     pub(super) driven: HashSet<u64>,
     /// Contacts that are not spurious, by identity.
-    kept: HashSet<u64>,
+    pub(super) kept: HashSet<u64>,
     /// Rounds made so far.
     round: usize,
     /// Contacts that joined after a solve.
@@ -301,13 +301,15 @@ impl Stepper {
             world.bodies.velocity[body] = Vec3::from_slice(&v[..3]);
             world.bodies.angular_velocity[body] = Vec3::from_slice(&v[3..]);
         }
-        let mut ahead = self.collider.meetings(world, step);
-        ahead.retain(|&contact| self.collider.flown_past(world, contact, step) == Some(contact));
+        let Parameters { undetected, passed, .. } = self.parameters.repetition;
+        let ahead = self.collider.meetings(world, step);
+        let past = self.flown_past(world, &ahead, &attempt.velocity);
+        let met = ahead.into_iter().zip(past).filter(|(c, after)| c.gap == after.gap);
+        let ahead: Vec<Contact> = met.map(|(c, _)| c).collect();
         before.exchange(world);
         let rows = contact_rows(world, &ahead);
         let u = relative_velocities(attempt.cell.as_ref(), &ahead, &rows, &attempt.velocity);
         let known = identities(contacts);
-        let Parameters { undetected, passed, .. } = self.parameters.repetition;
         let meets = |(c, u): (Contact, &[f64])| {
             let depth = if known.contains(&c.identity) { passed } else { undetected };
             let size = self.collider.contact_size(world, &c);
@@ -390,7 +392,8 @@ impl Stepper {
             Vec3::from_slice(&v[..3]) + Vec3::from_slice(&v[3..]).cross(point - start.position[body])
         };
         let mut foreseen: HashMap<u64, (f64, Contact)> = HashMap::new();
-        for contact in rounds.contacts.iter().filter(|c| wanted.contains(&planes.of(c))) {
+        let posed = attempt.posed_with(&rounds.contacts);
+        for contact in posed.iter().filter(|c| wanted.contains(&planes.of(c))) {
             let [(_, on_a), (_, on_b)] = cell::ends(start.cell.as_ref(), contact);
             let mut closing = speed(contact.body_a, on_a) - speed(contact.body_b, on_b);
             if contact.image != [0; 3] {
@@ -488,7 +491,8 @@ impl Stepper {
         let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Vec::new() };
         let (step, collider) = (self.settings.step, &self.collider);
         let rows = rigid.contacts();
-        let contact = |k: usize| &rounds.contacts[attempt.active[k] as usize];
+        let posed = attempt.posed_with(&rounds.contacts);
+        let contact = |k: usize| &posed[attempt.active[k] as usize];
         let pair = |k: usize| unordered(contact(k));
         let with_seams = |k: &usize| pair(*k).iter().any(|&body| !collider.is_ball(world, body as usize));
         let mut order: Vec<usize> = (0..rows.len()).into_par_iter().filter(with_seams).collect();

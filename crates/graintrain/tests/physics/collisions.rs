@@ -3,11 +3,12 @@
 
 use crate::support::*;
 use graintrain::ccp::FrictionModel;
+use graintrain::cell::Cell;
 use graintrain::handle::MaterialId;
 use graintrain::material::Elasticity;
 use graintrain::math::{Quat, Vec3, rotation_exponential};
 use graintrain::motion::Motion;
-use graintrain::shape::Geometry;
+use graintrain::shape::{Geometry, Surface};
 use graintrain::stepper::{StepSettings, Stepper};
 use graintrain::world::{Body, World};
 use std::f64::consts::PI;
@@ -70,6 +71,93 @@ fn balls_that_miss_each_other_do_not_touch() {
             }
         }
     }
+}
+
+/// Bodies of all shapes that fly past each other, a plane along the way between them, a two-hundredth of
+/// their size or less apart: nothing happens, also not if pairs elsewhere meet. What planes foresee by less
+/// than 5e-4 of a size is not looked at.
+#[test]
+fn bodies_that_miss_each_other_do_not_touch() {
+    let wedge: Vec<Vec3> = [(-0.03, -0.02), (0.09, -0.02), (-0.03, 0.05)]
+        .iter()
+        .flat_map(|&(x, z)| [-0.05, 0.05].map(|y| Vec3::new(x, y, z)))
+        .collect();
+    let shapes = [
+        Geometry::sphere(0.05).unwrap(),
+        Geometry::capsule(0.1, 0.02).unwrap(),
+        Geometry::cuboid(Vec3::new(0.08, 0.05, 0.02)).unwrap(),
+        Geometry::hull(&wedge).unwrap().0,
+        Geometry::cylinder(0.1, 0.03).unwrap(),
+        Geometry::cone(0.1, 0.05, 0.0).unwrap(),
+    ];
+    // The farthest point along y; surfaces of what is round are drawn with 24 corners.
+    let reach = |geometry: &Geometry, turn: Quat| {
+        let surface = geometry.parts[0].shape.surface();
+        let highest =
+            |surface: Surface| surface.vertices.iter().map(|p| (turn * *p).y.abs()).fold(0.0, f64::max);
+        surface.map_or(geometry.bounding_radius(), |surface| 1.01 * highest(surface))
+    };
+    for (friction, restitution, step) in
+        [(0.3, 0.5, 2e-3), (0.0, 1.0, 1e-2), (0.3, 0.0, 1e-2), (0.3, 0.9, 2e-2)]
+    {
+        let mut world = world(friction, restitution);
+        let meeting = pairs(&mut world, 20, [0.0, 0.9], step);
+        let forms = shapes.clone().map(|shape| world.add_geometry(shape));
+        let mut passing = Vec::new();
+        for k in 0..90_u32 {
+            let [a, b] = [k as usize % 6, k as usize / 6 % 6];
+            let number = |salt: f64| 2.0 * scattered(k, salt) - 1.0;
+            let turn = |salt: f64| {
+                rotation_exponential(3.0 * Vec3::new(number(salt), number(1.7 * salt), number(2.9 * salt)))
+            };
+            let (turn_a, turn_b) = (turn(0.123), turn(0.377));
+            let speed = 100.0_f64.powf(scattered(k, 0.37));
+            let aside = reach(&shapes[a], turn_a) + reach(&shapes[b], turn_b) + 5e-4 * scattered(k, 0.61);
+            let place = Vec3::new(0.0, 0.0, -10.0 - 10.0 * f64::from(k));
+            let before = speed * step * (29.0 + 2.0 * scattered(k, 0.53));
+            let start = place + Vec3::new(-before, aside, 0.0);
+            let flying = Body::new(forms[a], MaterialId::default(), start);
+            let velocity = speed * Vec3::X;
+            let flying = world.add_body(Body { velocity, orientation: turn_a, ..flying }).unwrap();
+            let resting = Body::new(forms[b], MaterialId::default(), place);
+            let resting = world.add_body(Body { orientation: turn_b, ..resting }).unwrap();
+            passing.push((flying.index(), resting.index(), velocity));
+        }
+        stepped(&mut world, step);
+        let velocity = &world.bodies.velocity;
+        assert!(meeting.iter().all(|pair| velocity[pair.bodies[1]] != Vec3::ZERO));
+        for (k, &(a, b, before)) in passing.iter().enumerate() {
+            let change = (velocity[a] - before).length() + velocity[b].length();
+            assert!(change < 5e-4 * 0.05 / step, "{restitution} {step}, {k}: {change} m/s of {before}");
+        }
+    }
+}
+
+/// Boxes and balls in a cell that fly and spin with e = 1 and without friction, by two thirds of their size
+/// in a step: energy is kept but for what meets several others within a step. (A quarter was lost where
+/// planes of bodies that had parted went on to hold them.)
+#[test]
+fn an_elastic_gas_of_boxes_and_balls_keeps_its_energy_in_long_steps() {
+    let mut world = world(0.0, 1.0);
+    world.gravity = Vec3::ZERO;
+    let cell = Cell::new(Vec3::ZERO, Vec3::splat(0.6), [true; 3]).unwrap();
+    world.set_cell(Some(cell)).unwrap();
+    let forms = [Geometry::cuboid(Vec3::new(0.04, 0.03, 0.02)).unwrap(), Geometry::sphere(0.03).unwrap()];
+    let forms = forms.map(|form| world.add_geometry(form));
+    for k in 0..64_u32 {
+        let place = 0.15 * Vec3::new(f64::from(k % 4), f64::from(k / 4 % 4), f64::from(k / 16));
+        let random = |first: f64| {
+            Vec3::from_array([0.0, 0.31, 0.77].map(|salt| 2.0 * scattered(k * k + 3 * k, first + salt) - 1.0))
+        };
+        let (velocity, angular_velocity) = (1.7 * random(0.1), 10.0 * random(0.4));
+        let body = Body::new(forms[k as usize % 2], MaterialId::default(), place);
+        world.add_body(Body { velocity, angular_velocity, ..body }).unwrap();
+    }
+    let before = world.kinetic_energy();
+    let settings = StepSettings { step: 1e-2, envelope: 1.5e-3, ..StepSettings::default() };
+    run(&mut Stepper::new(settings).unwrap(), &mut world, 200);
+    let kept = world.kinetic_energy() / before;
+    assert!(kept > 0.97 && kept < 1.0 + 1e-6, "{kept}");
 }
 
 /// Without friction two balls of masses m_A, m_B that touch with the unit vector n from B to A between their
