@@ -5,6 +5,7 @@ use super::error::{SceneError, SceneErrorKind};
 use super::joint::{self, JointSpec};
 use super::measure;
 use super::model::*;
+use super::names::{self, Names};
 use super::parameters::Parameters;
 use super::periodic;
 use super::radius::radius;
@@ -56,7 +57,8 @@ fn seed_behind(seed: u64, places: u64) -> u64 {
 
 /// Reads a scene from its tree. Relative paths start at `folder`.
 pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, SceneError> {
-    let context = Context { parameters: Parameters::new(root.get("parameters"), &folder)?, folder };
+    let parameters = Parameters::new(root.get("parameters"), &folder)?;
+    let mut context = Context { parameters, folder, names: Names::default() };
     let scene = Reader::new(&context, root, String::new(), &schema::SCENE)?;
     let time = time(&scene.required_child("time")?)?;
     let seed = scene.count("seed")?.unwrap_or(1);
@@ -86,6 +88,8 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         bodies.extend(robot.bodies);
         joints.extend(robot.joints);
     }
+    context.names.bodies = bodies.iter().map(|(name, _)| name.clone()).collect();
+    let scene = Reader::new(&context, root, String::new(), &schema::SCENE)?;
     let packings = scene
         .named("packing")?
         .into_iter()
@@ -105,7 +109,7 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
             let problem = format!("there are two joints `{name}`, one of a robot: call this one otherwise");
             return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
         }
-        let spec = joint::read(&reader, &body_names, &joints)?;
+        let spec = joint::read(&reader, &joints)?;
         joints.push((name, spec));
     }
     let material_names: Vec<&str> = names.clone();
@@ -391,7 +395,7 @@ fn body(reader: &Reader, materials: &[&str], known: &[(String, BodySpec)]) -> Re
         centre,
         density: reader.quantity("density")?,
         motion,
-        ignores: names_of(reader, "ignores", "body above this one", &above)?,
+        ignores: names::list(reader, "ignores", "body above this one", &above)?,
         location: reader.location().clone(),
     })
 }
@@ -554,24 +558,6 @@ fn speed(parent: &Reader) -> Result<FunctionSpec, SceneError> {
 /// What a load can do to bodies.
 const ACTIONS: &[&str] = &["force", "torque", "pressure", "acceleration", "central", "drag"];
 
-/// The list of names that a key holds, each of which has to be known; empty where it is not given.
-pub(super) fn names_of(
-    reader: &Reader,
-    key: &str,
-    what: &str,
-    known: &[&str],
-) -> Result<Vec<String>, SceneError> {
-    let Some(names) = reader.texts(key)? else { return Ok(Vec::new()) };
-    if names.is_empty() {
-        // Left out, the key means everything: a list that somebody's program left empty does not.
-        return Err(reader.missing(key));
-    }
-    match names.iter().find(|name| !known.contains(&name.as_str())) {
-        Some(name) => Err(reader.unknown_name(key, what, name, known.iter().copied())),
-        None => Ok(names),
-    }
-}
-
 fn load(reader: &Reader, bodies: &[&str], packings: &[&str]) -> Result<LoadSpec, SceneError> {
     if ACTIONS.iter().all(|action| reader.get(action).is_none()) {
         let kind = SceneErrorKind::OneOf {
@@ -587,8 +573,8 @@ fn load(reader: &Reader, bodies: &[&str], packings: &[&str]) -> Result<LoadSpec,
         return Err(reader.missing("force"));
     }
     Ok(LoadSpec {
-        bodies: names_of(reader, "bodies", "body", bodies)?,
-        packings: names_of(reader, "packings", "packing", packings)?,
+        bodies: names::list(reader, "bodies", "body", bodies)?,
+        packings: names::list(reader, "packings", "packing", packings)?,
         region: reader.child("region")?.as_ref().map(region).transpose()?,
         force,
         point,

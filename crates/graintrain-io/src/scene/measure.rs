@@ -1,7 +1,8 @@
 //! Measurements as a scene asks for them.
 
 use super::error::{Location, SceneError, SceneErrorKind};
-use super::file::{names_of, region};
+use super::file::region;
+use super::names;
 use super::reader::Reader;
 use crate::measure::MOST_BINS;
 use graintrain::load::Region;
@@ -289,9 +290,9 @@ pub(super) fn read(reader: &Reader, step: f64, names: &Names<'_>) -> Result<Meas
     }
     let flag = |key: &str| Ok::<bool, SceneError>(reader.flag(key)?.unwrap_or(false));
     let spec = MeasureSpec {
-        bodies: names_of(reader, "bodies", "body", bodies)?,
-        packings: names_of(reader, "packings", "packing", packings)?,
-        streams: names_of(reader, "streams", "stream", streams)?,
+        bodies: names::list(reader, "bodies", "body", bodies)?,
+        packings: names::list(reader, "packings", "packing", packings)?,
+        streams: names::list(reader, "streams", "stream", streams)?,
         region: reader.child("region")?.as_ref().map(region).transpose()?,
         stage: match reader.text("stage")? {
             Some(name) if !stages.contains(&name.as_str()) => {
@@ -331,8 +332,8 @@ pub(super) fn read(reader: &Reader, step: f64, names: &Names<'_>) -> Result<Meas
                 return Err(inner.missing("packings"));
             }
             Some(inner) => Some(MixingSpec {
-                packings: names_of(&inner, "packings", "packing", packings)?,
-                streams: names_of(&inner, "streams", "stream", streams)?,
+                packings: names::list(&inner, "packings", "packing", packings)?,
+                streams: names::list(&inner, "streams", "stream", streams)?,
                 cell: inner.required("cell")?,
             }),
         },
@@ -367,7 +368,7 @@ pub(super) fn read(reader: &Reader, step: f64, names: &Names<'_>) -> Result<Meas
 }
 
 fn required_names(reader: &Reader, key: &str, what: &str, known: &[&str]) -> Result<Vec<String>, SceneError> {
-    let names = names_of(reader, key, what, known)?;
+    let names = names::list(reader, key, what, known)?;
     if names.is_empty() { Err(reader.missing(key)) } else { Ok(names) }
 }
 

@@ -7,11 +7,12 @@
 //!
 //! | module | holds |
 //! |---|---|
+//! | `table` | the macro that declares a table once: its struct, its keys and what reads it |
 //! | [`schema`] | every key, its kind, range, choices, default and meaning |
 //! | `json_schema` | the same for editors |
 //! | [`mod@quantity`] | units and dimensions |
 //! | `expression`, `parameters` | arithmetic with units and named values |
-//! | `tree`, `reader`, `file` | from text to [`Scene`] |
+//! | `tree`, `reader`, `names`, `file` | from text to [`Scene`] |
 //! | [`model`] | the parts of a [`Scene`] |
 //! | `packing`, `mesh_file` | packings made here or read from files; meshes |
 //! | `robot` | URDF files as bodies and joints |
@@ -32,6 +33,7 @@ mod json_schema;
 mod measure;
 mod mesh_file;
 pub mod model;
+mod names;
 mod packing;
 mod parameters;
 mod periodic;
@@ -43,6 +45,7 @@ pub mod schema;
 mod solver;
 mod stage;
 mod stream;
+mod table;
 mod tree;
 
 pub use build::Simulation;
@@ -53,7 +56,7 @@ pub use measure::{
     ShearBoxSpec, WheelSpec,
 };
 
-pub use joint::{ActuatorSpec, JointSpec, MotorSpec, SpringSpec, StopsSpec};
+pub use joint::{ActuatorSpec, JointForm, JointSpec, MotorSpec, SpringSpec, StopsSpec};
 pub use periodic::{DriveSpec, PeriodicSpec};
 pub use stage::{GrowthSpec, StageBody, StageMaterial, StageSpec, SteadySpec};
 pub use stream::{ExitSpec, OutletSpec, StreamSpec};

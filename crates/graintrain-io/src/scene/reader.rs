@@ -1,17 +1,20 @@
 //! Reads keys of one table: checks names against the schema, evaluates quantities, checks dimensions and
 //! ranges.
 
-use super::error::{Location, SceneError, SceneErrorKind, closest};
+use super::error::{Location, SceneError, SceneErrorKind, Source, closest};
 use super::model::{FunctionFile, FunctionSpec};
+use super::names::Names;
 use super::parameters::Parameters;
 use super::quantity::Dimension;
-use super::schema::{Key, Kind, Range, Table};
-use super::tree::{Node, Value};
+use super::schema::{Key, Kind, REQUIRED, Range, Table};
+use super::table::Field;
+use super::tree::{self, Node, Value};
 use graintrain::formula::Formula;
 use graintrain::material::TurningResistance;
 use graintrain::math::Vec3;
 use graintrain::motion::Profile;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Largest count accepted: whatever is counted, more could not be held in memory.
 const LARGEST_COUNT: f64 = 1e12;
@@ -21,6 +24,7 @@ pub(crate) struct Context {
     pub parameters: Parameters,
     /// Folder that paths in the scene are relative to.
     pub folder: PathBuf,
+    pub names: Names,
 }
 
 /// A table of the scene with the keys that it may have.
@@ -82,6 +86,29 @@ impl<'a> Reader<'a> {
         self.table.key(key).unwrap_or_else(|| unreachable!("{} has no key {key}", self.table.heading))
     }
 
+    /// What the key holds.
+    pub fn kind(&self, key: &str) -> Kind {
+        self.key(key).kind
+    }
+
+    /// The value of a key; where it is not given, that of its default.
+    pub fn field<T: Field>(&self, key: &str) -> Result<T, SceneError> {
+        if let Some(value) = T::given(self, key)? {
+            return Ok(value);
+        }
+        let default = self.key(key).default;
+        if default == REQUIRED {
+            return Err(self.missing(key));
+        }
+        // What follows a colon explains the value.
+        let text = format!("{key} = {}", default.split(": ").next().unwrap_or(default));
+        let node = tree::parse(Arc::new(Source { name: String::new(), text }))
+            .unwrap_or_else(|_| unreachable!("{key} of {}: {default} is no value", self.table.heading));
+        let reader =
+            Reader { context: self.context, node: &node, path: self.path.clone(), table: self.table };
+        T::given(&reader, key)?.ok_or_else(|| self.missing(key))
+    }
+
     /// The value of a key, if given.
     pub fn get(&self, key: &str) -> Option<&'a Node> {
         debug_assert!(self.table.key(key).is_some(), "{} has no key {key}", self.table.heading);
@@ -100,7 +127,7 @@ impl<'a> Reader<'a> {
         let key = self.key(key);
         let what = match key.kind {
             Kind::Quantity(dimension) | Kind::QuantityOr(dimension, _) => dimension.to_string(),
-            Kind::Vector(Dimension::NONE) => "three numbers".into(),
+            Kind::Vector(Dimension::NONE) | Kind::Direction => "three numbers".into(),
             Kind::Vector(dimension) => format!("three times {dimension}"),
             Kind::VectorOrQuantity(dimension) => format!("{dimension}, or three times {dimension}"),
             Kind::List(Dimension::NONE) => "a list of numbers".into(),
@@ -146,6 +173,11 @@ impl<'a> Reader<'a> {
             },
             location,
         )
+    }
+
+    /// At least one of the keys; the first one where there is none.
+    pub fn any_of(&self, keys: &[&str]) -> Result<(), SceneError> {
+        if keys.iter().any(|key| self.get(key).is_some()) { Ok(()) } else { Err(self.missing(keys[0])) }
     }
 
     /// Exactly one of the keys.

@@ -8,11 +8,12 @@
 mod urdf;
 
 use super::error::{SceneError, SceneErrorKind};
-use super::file::{material_name, names_of, rotation};
-use super::joint::{ActuatorSpec, JointSpec, MotorSpec, SpringSpec, StopsSpec, actuator, motor, spring};
+use super::file::{material_name, rotation};
+use super::joint::{ActuatorSpec, JointSpec, MotorSpec, SpringSpec, StopsSpec};
 use super::model::{
     BodySpec, FunctionSpec, HullSpec, MeshSpec, MotionSpec, PartSpec, RotationSpec, ShapeSpec,
 };
+use super::names;
 use super::packing::{FileProblem, read_file};
 use super::reader::Reader;
 use graintrain::math::{Mat3, Pose, Quat, Vec3, parallel_axis};
@@ -78,7 +79,7 @@ pub(super) fn read(name: &str, reader: &Reader, materials: &[&str]) -> Result<Pa
         owners: owners(&robot),
         places: places(&robot, &coordinates, root_pose(reader)?),
         lumps: Vec::new(),
-        solid: names_of(reader, "solid", "link of the file", &links)?,
+        solid: names::list(reader, "solid", "link of the file", &links)?,
         fixed: reader.flag("fixed")?.unwrap_or(robot.links[robot.root].name == "world"),
         robot: &robot,
     };
@@ -115,8 +116,9 @@ fn given(reader: &Reader, robot: &Robot) -> Result<Vec<Given>, SceneError> {
         }
         let [coordinate_key, spring_key, stops_key, _] = own_keys;
         let coordinate = own.quantity(coordinate_key)?;
-        let own_stops = own.child(stops_key)?.as_ref().map(super::joint::stops).transpose()?;
-        let stops = own_stops.map_or([joint.lower, joint.upper], |stops| [stops.lower, stops.upper]);
+        let stops = own
+            .field::<Option<StopsSpec>>(stops_key)?
+            .map_or([joint.lower, joint.upper], |stops| [stops.lower, stops.upper]);
         let (lower, upper) = range(stops);
         if let Some(outside) = coordinate.filter(|x| !(lower..=upper).contains(x)) {
             let requirement = format!("between its stops, {lower} and {upper}");
@@ -124,9 +126,9 @@ fn given(reader: &Reader, robot: &Robot) -> Result<Vec<Given>, SceneError> {
         }
         Ok(Given {
             coordinate,
-            motor: own.child("motor")?.as_ref().map(motor).transpose()?,
-            actuator: own.child("actuator")?.as_ref().map(actuator).transpose()?,
-            spring: own.child(spring_key)?.as_ref().map(spring).transpose()?,
+            motor: own.field("motor")?,
+            actuator: own.field("actuator")?,
+            spring: own.field(spring_key)?,
             stops,
         })
     };

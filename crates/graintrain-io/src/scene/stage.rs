@@ -1,9 +1,10 @@
 //! Stages as a scene asks for them.
 
 use super::error::{Location, SceneError, SceneErrorKind};
-use super::file::{motion, names_of, region};
+use super::file::{motion, region};
 use super::measure::MeasureSpec;
 use super::model::{FunctionSpec, MotionSpec};
+use super::names;
 use super::periodic::{self, DriveSpec};
 use super::reader::Reader;
 use super::stream::StreamSpec;
@@ -215,8 +216,8 @@ fn growth(reader: &Reader, names: &Names<'_>) -> Result<GrowthSpec, SceneError> 
         return Err(reader.out_of_range("porosity", "between 0 and 1", porosity));
     }
     Ok(GrowthSpec {
-        packings: names_of(reader, "packings", "packing", names.packings)?,
-        streams: names_of(reader, "streams", "stream", names.streams)?,
+        packings: names::list(reader, "packings", "packing", names.packings)?,
+        streams: names::list(reader, "streams", "stream", names.streams)?,
         rate: reader.required("rate")?,
         porosity,
         region: region(&reader.required_child("region")?)?,

@@ -3,8 +3,7 @@
 //! Schema, and a test holds `docs/scenes.md` against them.
 
 mod body;
-mod function;
-mod joint;
+pub(super) mod function;
 mod load;
 mod measure;
 mod packing;
@@ -14,13 +13,14 @@ mod stage;
 mod stream;
 
 use super::file::{OVERLAP, PRECISIONS};
+use super::joint::JointSpec;
 use super::model::PairRule;
 use super::quantity::Dimension;
+use super::table::Spec;
 use body::BODY;
 pub(super) use body::SHAPE_NAMES;
 use function::ACCELERATION;
 use graintrain_ccp::FrictionModel;
-use joint::JOINT;
 use load::LOAD;
 use measure::MEASURE;
 use packing::PACKING;
@@ -42,6 +42,8 @@ pub enum Kind {
     VectorOrQuantity(Dimension),
     /// Any number of them.
     List(Dimension),
+    /// Three numbers: a direction, of any length but zero.
+    Direction,
     /// A whole number that is not negative, or a text that evaluates to one.
     Count,
     /// Three of them.
@@ -135,6 +137,9 @@ impl Range {
     }
 }
 
+/// A default that says that the key has to be given.
+pub(super) const REQUIRED: &str = "required";
+
 /// A key of a table.
 #[derive(Clone, Copy, Debug)]
 pub struct Key {
@@ -146,7 +151,7 @@ pub struct Key {
     pub range: Range,
     /// The texts that it may hold; empty where any will do.
     pub choices: fn() -> Vec<&'static str>,
-    /// Default, for people; `required` or `one of` where there is none.
+    /// Default, in TOML or words; `required` or `one of` where there is none.
     pub default: &'static str,
     /// An example, as written in a scene.
     pub example: &'static str,
@@ -168,7 +173,7 @@ impl Key {
 
 /// The first of each pair: the names among which [`Reader::choice`](super::reader::Reader::choice) chooses a
 /// value.
-fn names<T>(choices: &[(&'static str, T)]) -> Vec<&'static str> {
+pub(super) fn names<T>(choices: &[(&'static str, T)]) -> Vec<&'static str> {
     choices.iter().map(|(name, _)| *name).collect()
 }
 
@@ -241,7 +246,7 @@ const fn key(
 }
 
 use Kind::{Count, Flag, Free, Named, Quantity, RatioOrLength, Tables, Text, Texts};
-type D = Dimension;
+pub(super) type D = Dimension;
 
 /// Top level of a scene.
 pub static SCENE: Table = Table {
@@ -345,7 +350,7 @@ pub static SCENE: Table = Table {
         ),
         key(
             "joint",
-            Named(&JOINT),
+            Named(JointSpec::TABLE),
             "none",
             "{ hinge = { kind = \"revolute\", bodies = [\"door\"], point = [0, 0, 1], axis = [0, 0, 1] } }",
             "Joints between bodies, or a body and the world, by name",

@@ -2,9 +2,10 @@
 
 use super::Kind::{self, Count, Flag, Named, Quantity, Text, Texts, Vector};
 use super::body::ROTATION;
-use super::joint::{ACTUATOR, ANGLES, MOTOR, SPRING, TORSION_SPRING, TRAVEL};
 use super::{D, Range, Table, key, names};
+use crate::scene::joint::{ANGLES, ActuatorSpec, MotorSpec, SpringSpec, StopsSpec, TORSION_SPRING};
 use crate::scene::robot::{INERTIA, SHAPES};
+use crate::scene::table::Spec;
 
 pub(super) static ROBOT: Table = Table {
     heading: "`[robot.NAME]`",
@@ -89,14 +90,14 @@ static ROBOT_JOINT: Table = Table {
         ),
         key(
             "motor",
-            Kind::Table(&MOTOR),
+            Kind::Table(MotorSpec::TABLE),
             "none",
             "{ speed = \"20 rpm\" }",
             "As in a joint; the default of the maximum torque is the file's `effort`",
         ),
         key(
             "actuator",
-            Kind::Table(&ACTUATOR),
+            Kind::Table(ActuatorSpec::TABLE),
             "none",
             "{ speed = \"5 cm/s\" }",
             "The same for a displacement",
@@ -110,7 +111,7 @@ static ROBOT_JOINT: Table = Table {
         ),
         key(
             "spring",
-            Kind::Table(&SPRING),
+            Kind::Table(SpringSpec::TABLE),
             "the file's `damping`",
             "{ stiffness = \"10 kN/m\" }",
             "The same for a displacement",
@@ -124,7 +125,7 @@ static ROBOT_JOINT: Table = Table {
         ),
         key(
             "travel",
-            Kind::Table(&TRAVEL),
+            Kind::Table(StopsSpec::TABLE),
             "the file's",
             "{ upper = \"12 cm\" }",
             "Limits of a displacement in the URDF convention",
