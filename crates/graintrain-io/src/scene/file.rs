@@ -10,19 +10,18 @@ use super::parameters::Parameters;
 use super::periodic;
 use super::radius::radius;
 use super::reader::{Context, Reader};
+use super::region::region;
 use super::robot;
 use super::schema;
 use super::solver;
 use super::stage::{self, StageSpec};
 use super::stream;
-use super::tree::{Node, Value};
+use super::tree::Node;
 use crate::files::is_file_name;
 use crate::settings::Precision;
 use graintrain::assemble::OverlapCorrection;
-use graintrain::load::Region;
 use graintrain::material::{MOST_COHESION, TurningResistance};
 use graintrain::math::{Quat, Vec3};
-use graintrain::motion::Axes;
 use graintrain::shape::{Length, Shape};
 use std::path::PathBuf;
 
@@ -33,15 +32,6 @@ pub(super) const OVERLAP: &[(&str, OverlapCorrection)] =
 /// Numbers of frames.
 pub(super) const PRECISIONS: &[(&str, Precision)] =
     &[("single", Precision::Single), ("double", Precision::Double)];
-
-/// Motions without a table, and whether the body is fixed.
-pub(super) const MOTIONS: &[(&str, bool)] = &[("free", false), ("fixed", true)];
-
-/// Axes of forces and torques.
-pub(super) const AXES: &[(&str, Axes)] = &[("world", Axes::World), ("body", Axes::Body)];
-
-/// Name of the material of scenes that declare none.
-const DEFAULT_MATERIAL: &str = "default";
 
 /// Seeds of streams begin so far behind that of the scene: packings have the first ones.
 const STREAM_SEEDS: u64 = 1000;
@@ -58,8 +48,9 @@ fn seed_behind(seed: u64, places: u64) -> u64 {
 /// Reads a scene from its tree. Relative paths start at `folder`.
 pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, SceneError> {
     let parameters = Parameters::new(root.get("parameters"), &folder)?;
-    let mut context = Context { parameters, folder, names: Names::default() };
-    let scene = Reader::new(&context, root, String::new(), &schema::SCENE)?;
+    let mut context = Context { parameters, folder, names: Names::default(), time: TimeSpec::default() };
+    context.names = Names::of(&Reader::of_scene(&context, root)?)?;
+    let scene = Reader::of_scene(&context, root)?;
     let time = time(&scene.required_child("time")?)?;
     let seed = scene.count("seed")?.unwrap_or(1);
     let mut materials = scene
@@ -68,18 +59,17 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         .map(|(name, reader)| Ok((name, material(Some(&reader))?)))
         .collect::<Result<Vec<_>, SceneError>>()?;
     if materials.is_empty() {
-        materials.push((DEFAULT_MATERIAL.to_string(), material(None)?));
+        materials.push((names::DEFAULT_MATERIAL.to_string(), material(None)?));
     }
-    let names: Vec<&str> = materials.iter().map(|(name, _)| name.as_str()).collect();
-    let pairs = pairs(&scene, &names)?;
+    let pairs = pairs(&scene)?;
     let mut bodies: Vec<(String, BodySpec)> = Vec::new();
     for (name, reader) in scene.named("body")? {
-        let spec = body(&reader, &names, &bodies)?;
+        let spec = body(&reader, &bodies)?;
         bodies.push((name, spec));
     }
     let mut joints: Vec<(String, JointSpec)> = Vec::new();
     for (name, reader) in scene.named("robot")? {
-        let robot = robot::read(&name, &reader, &names)?;
+        let robot = robot::read(&name, &reader)?;
         let is_known = |(new, _): &&(String, BodySpec)| bodies.iter().any(|(name, _)| name == new);
         if let Some((twice, _)) = robot.bodies.iter().find(is_known) {
             let problem = format!("there are two bodies `{twice}`: call the robot or the body otherwise");
@@ -88,22 +78,16 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         bodies.extend(robot.bodies);
         joints.extend(robot.joints);
     }
+    context.time = time.clone();
     context.names.bodies = bodies.iter().map(|(name, _)| name.clone()).collect();
-    let scene = Reader::new(&context, root, String::new(), &schema::SCENE)?;
+    let scene = Reader::of_scene(&context, root)?;
     let packings = scene
         .named("packing")?
         .into_iter()
         .enumerate()
-        .map(|(index, (name, reader))| Ok((name, packing(&reader, &names, seed_behind(seed, index as u64))?)))
+        .map(|(index, (name, reader))| Ok((name, packing(&reader, seed_behind(seed, index as u64))?)))
         .collect::<Result<Vec<_>, SceneError>>()?;
-    let body_names: Vec<&str> = bodies.iter().map(|(name, _): &(String, BodySpec)| name.as_str()).collect();
-    let packing_names: Vec<&str> =
-        packings.iter().map(|(name, _): &(String, PackingSpec)| name.as_str()).collect();
-    let loads = scene
-        .named("load")?
-        .into_iter()
-        .map(|(name, reader)| Ok((name, load(&reader, &body_names, &packing_names)?)))
-        .collect::<Result<Vec<_>, SceneError>>()?;
+    let loads = scene.field("load")?;
     for (name, reader) in scene.named("joint")? {
         if joints.iter().any(|(known, _)| *known == name) {
             let problem = format!("there are two joints `{name}`, one of a robot: call this one otherwise");
@@ -112,35 +96,23 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         let spec = joint::read(&reader, &joints)?;
         joints.push((name, spec));
     }
-    let material_names: Vec<&str> = names.clone();
-    let load_names: Vec<&str> = loads.iter().map(|(name, _): &(String, LoadSpec)| name.as_str()).collect();
-    let named_streams = scene.named("stream")?;
-    let stream_names: Vec<&str> = named_streams.iter().map(|(name, _)| name.as_str()).collect();
-    let named_measures = scene.named("measure")?;
-    let measure_names: Vec<&str> = named_measures.iter().map(|(name, _)| name.as_str()).collect();
-    let names = stage::Names {
-        materials: &material_names,
-        bodies: &body_names,
-        loads: &load_names,
-        packings: &packing_names,
-        streams: &stream_names,
-        measures: &measure_names,
-    };
     let periodic = scene.child("periodic")?.map(|reader| periodic::read(&reader)).transpose()?;
-    let stages = stage::read(&scene, &names)?;
+    let stages = stage::read(&scene)?;
     let drives = |stage: &&StageSpec| stage.periodic.is_some() && periodic.is_none();
     if let Some(stage) = stages.iter().find(drives) {
         let problem =
             format!("the stage `{}` drives a periodic cell, but there is none: add `[periodic]`", stage.name);
         return Err(SceneError::at(SceneErrorKind::Contradiction(problem), &stage.location));
     }
-    let stage_names: Vec<&str> = stages.iter().map(|stage: &StageSpec| stage.name.as_str()).collect();
-    let streams = named_streams
-        .iter()
+    context.names.stages = stages.iter().map(|stage: &StageSpec| stage.name.clone()).collect();
+    let scene = Reader::of_scene(&context, root)?;
+    let streams = scene
+        .named("stream")?
+        .into_iter()
         .enumerate()
         .map(|(index, (name, reader))| {
             let seed = seed_behind(seed, STREAM_SEEDS + index as u64);
-            Ok((name.clone(), stream::read(reader, &material_names, &stage_names, seed)?))
+            Ok((name, stream::read(&reader, seed)?))
         })
         .collect::<Result<Vec<_>, SceneError>>()?;
     let outlets = scene
@@ -148,22 +120,16 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         .into_iter()
         .map(|(name, reader)| Ok((name, stream::read_outlet(&reader)?)))
         .collect::<Result<Vec<_>, SceneError>>()?;
-    let names = measure::Names {
-        bodies: &body_names,
-        packings: &packing_names,
-        streams: &stream_names,
-        stages: &stage_names,
-    };
-    let measures = named_measures
-        .iter()
+    let measures = scene
+        .named("measure")?
+        .into_iter()
         .map(|(name, reader)| {
             // The name is that of a file.
-            if !is_file_name(name) {
+            if !is_file_name(&name) {
                 let requirement = "a name of letters, digits, `-`, `_` and `.`, which is that of a file";
                 return Err(scene.out_of_range("measure", requirement, format!("`{name}`")));
             }
-            let spec = measure::read(reader, time.step, &names)?;
-            Ok((name.clone(), spec))
+            Ok((name, measure::read(&reader)?))
         })
         .collect::<Result<Vec<_>, SceneError>>()?;
     stage::check_ends(&stages, &streams, &measures)?;
@@ -302,7 +268,7 @@ fn check_elasticity(
     Ok(())
 }
 
-fn pairs(scene: &Reader, materials: &[&str]) -> Result<Vec<PairSpec>, SceneError> {
+fn pairs(scene: &Reader) -> Result<Vec<PairSpec>, SceneError> {
     let mut pairs: Vec<PairSpec> = Vec::new();
     for reader in scene.tables("pair")? {
         let names = reader.texts("materials")?.ok_or_else(|| reader.missing("materials"))?;
@@ -310,9 +276,7 @@ fn pairs(scene: &Reader, materials: &[&str]) -> Result<Vec<PairSpec>, SceneError
             .try_into()
             .map_err(|names: Vec<String>| reader.out_of_range("materials", "two names", names.len()))?;
         for name in &names {
-            if !materials.contains(&name.as_str()) {
-                return Err(reader.unknown_name("materials", "material", name, materials.iter().copied()));
-            }
+            names::check(&reader, "materials", "material", name, &scene.context.names.materials)?;
         }
         let same = |pair: &&PairSpec| {
             let [first, second] = &pair.materials;
@@ -342,18 +306,8 @@ fn pairs(scene: &Reader, materials: &[&str]) -> Result<Vec<PairSpec>, SceneError
     Ok(pairs)
 }
 
-/// The material that a body or packing names; the only one where it names none.
-pub(super) fn material_name(reader: &Reader, materials: &[&str]) -> Result<String, SceneError> {
-    match (reader.text("material")?, materials) {
-        (Some(name), _) if materials.contains(&name.as_str()) => Ok(name),
-        (Some(name), _) => Err(reader.unknown_name("material", "material", &name, materials.iter().copied())),
-        (None, [only]) => Ok(only.to_string()),
-        (None, _) => Err(reader.missing("material")),
-    }
-}
-
 /// Reads a body; `known` are those above it.
-fn body(reader: &Reader, materials: &[&str], known: &[(String, BodySpec)]) -> Result<BodySpec, SceneError> {
+fn body(reader: &Reader, known: &[(String, BodySpec)]) -> Result<BodySpec, SceneError> {
     let parts = match reader.one_of(&["shape", "parts"])? {
         "shape" => vec![PartSpec {
             shape: shape(&reader.required_child("shape")?)?,
@@ -373,7 +327,7 @@ fn body(reader: &Reader, materials: &[&str], known: &[(String, BodySpec)]) -> Re
         return Err(reader.missing("inertia"));
     }
     let boundary = parts.iter().any(|part| part.shape.is_boundary());
-    let motion = motion(reader, boundary)?;
+    let motion = MotionSpec::of_body(reader, boundary)?;
     let above: Vec<&str> = known.iter().map(|(name, _)| name.as_str()).collect();
     if boundary && inertia.is_none() && motion.free != [false; 6] {
         let problem = format!(
@@ -384,7 +338,7 @@ fn body(reader: &Reader, materials: &[&str], known: &[(String, BodySpec)]) -> Re
     }
     Ok(BodySpec {
         parts,
-        material: material_name(reader, materials)?,
+        material: names::material(reader)?,
         position,
         rotation: rotation(reader)?,
         velocity: reader.vector("velocity")?.unwrap_or(Vec3::ZERO),
@@ -506,116 +460,7 @@ fn mesh(reader: &Reader) -> Result<MeshSpec, SceneError> {
     Ok(spec)
 }
 
-/// The `motion` of a body, or what it is without one: free, or fixed where it is a boundary.
-pub(super) fn motion(body: &Reader, boundary: bool) -> Result<MotionSpec, SceneError> {
-    let fixed = match body.get("motion") {
-        None => boundary,
-        Some(Node { value: Value::Table(_), .. }) => {
-            let reader = body.required_child("motion")?;
-            return prescribed_motion(&reader);
-        }
-        Some(_) => body.choice("motion", MOTIONS)?.unwrap_or(false),
-    };
-    Ok(if fixed { MotionSpec::FIXED } else { MotionSpec::FREE })
-}
-
-fn prescribed_motion(reader: &Reader) -> Result<MotionSpec, SceneError> {
-    let mut free = [false; 6];
-    for name in reader.texts("free")?.unwrap_or_default() {
-        let degree = DEGREES.iter().position(|degree| *degree == name);
-        let degree = degree.ok_or_else(|| {
-            reader.unknown_name("free", "degree of freedom", &name, DEGREES.iter().copied())
-        })?;
-        free[degree] = true;
-    }
-    let translation = reader
-        .tables("translation")?
-        .iter()
-        .map(|item| {
-            Ok(TranslationSpec {
-                direction: item.direction("direction")?.ok_or_else(|| item.missing("direction"))?,
-                speed: speed(item)?,
-            })
-        })
-        .collect::<Result<_, SceneError>>()?;
-    let rotation = match reader.child("rotation")? {
-        None => None,
-        Some(spin) => Some(SpinSpec {
-            point: spin.vector("point")?,
-            axis: spin.direction("axis")?.unwrap_or(Vec3::Z),
-            speed: speed(&spin)?,
-        }),
-    };
-    let start = reader.quantity("start")?.unwrap_or(0.0);
-    Ok(MotionSpec { free, start, translation, rotation })
-}
-
-/// The `speed` of a translation or rotation.
-fn speed(parent: &Reader) -> Result<FunctionSpec, SceneError> {
-    parent.function("speed")?.ok_or_else(|| parent.missing("speed"))
-}
-
-/// What a load can do to bodies.
-const ACTIONS: &[&str] = &["force", "torque", "pressure", "acceleration", "central", "drag"];
-
-fn load(reader: &Reader, bodies: &[&str], packings: &[&str]) -> Result<LoadSpec, SceneError> {
-    if ACTIONS.iter().all(|action| reader.get(action).is_none()) {
-        let kind = SceneErrorKind::OneOf {
-            table: format!("`{}`", reader.path),
-            keys: ACTIONS.join(", "),
-            found: "none".into(),
-        };
-        return Err(SceneError::at(kind, reader.location()));
-    }
-    let point = reader.vector("point")?;
-    let force = reader.functions("force")?;
-    if point.is_some() && force.is_none() {
-        return Err(reader.missing("force"));
-    }
-    Ok(LoadSpec {
-        bodies: names::list(reader, "bodies", "body", bodies)?,
-        packings: names::list(reader, "packings", "packing", packings)?,
-        region: reader.child("region")?.as_ref().map(region).transpose()?,
-        force,
-        point,
-        torque: reader.functions("torque")?,
-        axes: reader.choice("axes", AXES)?.unwrap_or_default(),
-        pressure: reader.child("pressure")?.as_ref().map(pressure).transpose()?,
-        acceleration: reader.functions("acceleration")?,
-        central: reader.child("central")?.as_ref().map(central).transpose()?,
-        drag: reader.child("drag")?.as_ref().map(drag).transpose()?,
-        location: reader.location().clone(),
-    })
-}
-
-fn pressure(reader: &Reader) -> Result<PressureSpec, SceneError> {
-    Ok(PressureSpec {
-        stress: reader.function("stress")?.ok_or_else(|| reader.missing("stress"))?,
-        area: reader.required("area")?,
-        direction: reader.direction("direction")?.ok_or_else(|| reader.missing("direction"))?,
-    })
-}
-
-fn central(reader: &Reader) -> Result<CentralSpec, SceneError> {
-    Ok(CentralSpec {
-        point: reader.vector("point")?.unwrap_or(Vec3::ZERO),
-        strength: reader.required("strength")?,
-        distance: reader.quantity("distance")?.unwrap_or(1.0),
-        power: reader.quantity("power")?.unwrap_or(-2.0),
-    })
-}
-
-fn drag(reader: &Reader) -> Result<DragSpec, SceneError> {
-    let coefficient = |key: &str| Ok(reader.quantity(key)?.unwrap_or(0.0));
-    Ok(DragSpec {
-        linear: coefficient("linear")?,
-        quadratic: coefficient("quadratic")?,
-        angular: coefficient("angular")?,
-        medium: reader.vector("medium")?.unwrap_or(Vec3::ZERO),
-    })
-}
-
-fn packing(reader: &Reader, materials: &[&str], default_seed: u64) -> Result<PackingSpec, SceneError> {
+fn packing(reader: &Reader, default_seed: u64) -> Result<PackingSpec, SceneError> {
     let form = reader.one_of(&["lattice", "drop", "poisson", "file"])?;
     let inner = reader.required_child(form)?;
     let source = match form {
@@ -633,23 +478,23 @@ fn packing(reader: &Reader, materials: &[&str], default_seed: u64) -> Result<Pac
         return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
     }
     let grains = match source {
-        PackingSource::File(_) => grains_of(reader, materials)?,
-        _ => grains(reader, materials)?,
+        PackingSource::File(_) => grains_of(reader)?,
+        _ => grains(reader)?,
     };
     let seed = reader.count("seed")?.unwrap_or(default_seed);
     Ok(PackingSpec { source, grains, seed, location: reader.location().clone() })
 }
 
 /// The bodies of a packing or a stream, whose size the scene has to name.
-pub(super) fn grains(reader: &Reader, materials: &[&str]) -> Result<GrainSpec, SceneError> {
+pub(super) fn grains(reader: &Reader) -> Result<GrainSpec, SceneError> {
     match reader.at_most_one_of(&["radius", "shape", "parts"])? {
-        Some(_) => grains_of(reader, materials),
+        Some(_) => grains_of(reader),
         None => Err(reader.missing("radius")),
     }
 }
 
 /// The same where a file may have the sizes.
-fn grains_of(reader: &Reader, materials: &[&str]) -> Result<GrainSpec, SceneError> {
+fn grains_of(reader: &Reader) -> Result<GrainSpec, SceneError> {
     let size = reader.at_most_one_of(&["radius", "shape", "parts"])?;
     let shape = reader.child("shape")?.as_ref().map(shape).transpose()?;
     let parts = reader.tables("parts")?.iter().map(part).collect::<Result<Vec<_>, _>>()?;
@@ -669,7 +514,7 @@ fn grains_of(reader: &Reader, materials: &[&str]) -> Result<GrainSpec, SceneErro
         shape,
         parts,
         random_rotation: reader.flag("random_rotation")?.unwrap_or(false),
-        material: material_name(reader, materials)?,
+        material: names::material(reader)?,
         velocity: reader.vector("velocity")?.unwrap_or(Vec3::ZERO),
         lock_rotation: reader.flag("lock_rotation")?.unwrap_or(false),
     })
@@ -681,26 +526,6 @@ fn lattice(reader: &Reader) -> Result<LatticeSpec, SceneError> {
         pitch: reader.vector_or_quantity("pitch")?.ok_or_else(|| reader.missing("pitch"))?,
         origin: reader.vector("origin")?.unwrap_or(Vec3::ZERO),
         jitter: reader.quantity("jitter")?.unwrap_or(0.0),
-    })
-}
-
-/// The region that a table names: a box or a cylinder.
-pub(super) fn region(reader: &Reader) -> Result<Region, SceneError> {
-    let form = reader.one_of(&["box", "cylinder"])?;
-    let inner = reader.required_child(form)?;
-    let corner = |key: &str| inner.vector(key)?.ok_or_else(|| inner.missing(key));
-    Ok(if form == "box" {
-        let (min, max) = (corner("min")?, corner("max")?);
-        if !min.cmplt(max).all() {
-            return Err(inner.out_of_range("max", &format!("above min ({min}) along every axis"), max));
-        }
-        Region::Box { min, max }
-    } else {
-        Region::Cylinder {
-            base: inner.vector("base")?.unwrap_or(Vec3::ZERO),
-            radius: inner.required("radius")?,
-            height: inner.required("height")?,
-        }
     })
 }
 

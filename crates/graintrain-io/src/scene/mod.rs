@@ -40,6 +40,7 @@ mod periodic;
 pub mod quantity;
 mod radius;
 mod reader;
+mod region;
 mod robot;
 pub mod schema;
 mod solver;

@@ -11,7 +11,7 @@ mod shape;
 pub use function::{FunctionFile, FunctionSpec};
 pub use load::{CentralSpec, DragSpec, LoadSpec, PressureSpec};
 pub use material::{MaterialSpec, PairRule, PairSpec};
-pub(crate) use motion::DEGREES;
+pub(crate) use motion::MOTIONS;
 pub use motion::{MotionSpec, SpinSpec, TranslationSpec};
 pub use packing::{
     DropSpec, FileSpec, GrainSpec, LatticeSpec, PackingFormat, PackingSource, PackingSpec, PoissonSpec,
@@ -26,7 +26,7 @@ use graintrain::math::{Quat, Vec3};
 use serde::{Serialize, Serializer};
 
 /// Time step and number of steps.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct TimeSpec {
     /// Time step, s.
     pub step: f64,

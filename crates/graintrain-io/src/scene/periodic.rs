@@ -3,6 +3,7 @@
 use super::error::{Location, SceneError, SceneErrorKind};
 use super::model::FunctionSpec;
 use super::reader::Reader;
+use super::table::Field;
 use graintrain::cell::NAMES;
 use graintrain::math::Vec3;
 use serde::Serialize;
@@ -75,8 +76,14 @@ pub(super) fn read(reader: &Reader) -> Result<PeriodicSpec, SceneError> {
     Ok(PeriodicSpec { min, max, axes, drive: drive(reader)?, location: reader.location().clone() })
 }
 
+impl Field for DriveSpec {
+    fn given(reader: &Reader, key: &str) -> Result<Option<Self>, SceneError> {
+        reader.child(key)?.as_ref().map(drive).transpose()
+    }
+}
+
 /// Reads what drives a cell.
-pub(super) fn drive(reader: &Reader) -> Result<DriveSpec, SceneError> {
+fn drive(reader: &Reader) -> Result<DriveSpec, SceneError> {
     reader.at_most_one_of(&["pressure", "stress"])?;
     let components = |key: &str| -> Result<Vec<(String, FunctionSpec)>, SceneError> {
         let Some(inner) = reader.child(key)? else { return Ok(Vec::new()) };

@@ -2,11 +2,11 @@
 //! ranges.
 
 use super::error::{Location, SceneError, SceneErrorKind, Source, closest};
-use super::model::{FunctionFile, FunctionSpec};
+use super::model::{FunctionFile, FunctionSpec, TimeSpec};
 use super::names::Names;
 use super::parameters::Parameters;
 use super::quantity::Dimension;
-use super::schema::{Key, Kind, REQUIRED, Range, Table};
+use super::schema::{self, Key, Kind, REQUIRED, Range, Table};
 use super::table::Field;
 use super::tree::{self, Node, Value};
 use graintrain::formula::Formula;
@@ -25,6 +25,8 @@ pub(crate) struct Context {
     /// Folder that paths in the scene are relative to.
     pub folder: PathBuf,
     pub names: Names,
+    /// Once it is read.
+    pub time: TimeSpec,
 }
 
 /// A table of the scene with the keys that it may have.
@@ -63,6 +65,11 @@ impl<'a> Reader<'a> {
             ));
         }
         Ok(reader)
+    }
+
+    /// A reader of the whole scene.
+    pub fn of_scene(context: &'a Context, root: &'a Node) -> Result<Self, SceneError> {
+        Self::new(context, root, String::new(), &schema::SCENE)
     }
 
     /// Where the table is written.

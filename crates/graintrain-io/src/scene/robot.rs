@@ -8,7 +8,7 @@
 mod urdf;
 
 use super::error::{SceneError, SceneErrorKind};
-use super::file::{material_name, rotation};
+use super::file::rotation;
 use super::joint::{ActuatorSpec, JointSpec, MotorSpec, SpringSpec, StopsSpec};
 use super::model::{
     BodySpec, FunctionSpec, HullSpec, MeshSpec, MotionSpec, PartSpec, RotationSpec, ShapeSpec,
@@ -63,7 +63,7 @@ pub(super) const SHAPES: &[(&str, &str)] = &[("collision", "collision"), ("visua
 pub(super) const INERTIA: &[(&str, bool)] = &[("file", true), ("mended", false)];
 
 /// Reads a robot of the scene and its file.
-pub(super) fn read(name: &str, reader: &Reader, materials: &[&str]) -> Result<Parts, SceneError> {
+pub(super) fn read(name: &str, reader: &Reader) -> Result<Parts, SceneError> {
     let path = reader.path("file")?.ok_or_else(|| reader.missing("file"))?;
     let location = reader.get("file").map_or(reader.location(), |node| &node.location);
     let problem = |problem: FileProblem| problem.located(&path, location);
@@ -84,7 +84,7 @@ pub(super) fn read(name: &str, reader: &Reader, materials: &[&str]) -> Result<Pa
         robot: &robot,
     };
     let import = Import { lumps: import.lumps(), ..import };
-    let material = material_name(reader, materials)?;
+    let material = names::material(reader)?;
     let bodies = import.bodies(&material)?;
     let joints = import.joints(given, &coordinates).map_err(problem)?;
     Ok(Parts { bodies, joints })

@@ -1,10 +1,12 @@
 //! Streams and outlets as a scene asks for them.
 
 use super::error::{Location, SceneError, SceneErrorKind};
-use super::file::{grains, region};
+use super::file::grains;
 use super::measure::PlaneSpec;
 use super::model::GrainSpec;
+use super::names;
 use super::reader::Reader;
+use super::region::region;
 use graintrain::load::Region;
 use graintrain::math::Vec3;
 use serde::Serialize;
@@ -67,30 +69,19 @@ pub enum ExitSpec {
 /// Most bodies of a stream; more would not fit into memory.
 const MOST_BODIES: u64 = 100_000_000;
 
-/// Reads a stream of a scene with these materials and stages.
-pub(super) fn read(
-    reader: &Reader,
-    materials: &[&str],
-    stages: &[&str],
-    default_seed: u64,
-) -> Result<StreamSpec, SceneError> {
-    let stage = match reader.text("stage")? {
-        Some(name) if !stages.contains(&name.as_str()) => {
-            return Err(reader.unknown_name("stage", "stage", &name, stages.iter().copied()));
-        }
-        stage => stage,
-    };
+/// Reads a stream of a scene.
+pub(super) fn read(reader: &Reader, default_seed: u64) -> Result<StreamSpec, SceneError> {
     reader.at_most_one_of(&["rate", "mass_rate"])?;
     let spec = StreamSpec {
         region: region(&reader.required_child("region")?)?,
-        grains: grains(reader, materials)?,
+        grains: grains(reader)?,
         rate: reader.quantity("rate")?,
         mass_rate: reader.quantity("mass_rate")?,
         count: reader.count("count")?,
         mass: reader.quantity("mass")?,
         start: reader.quantity("start")?.unwrap_or(0.0),
         end: reader.quantity("end")?,
-        stage,
+        stage: names::stage(reader, "stage")?,
         seed: reader.count("seed")?.unwrap_or(default_seed),
         location: reader.location().clone(),
     };

@@ -76,14 +76,33 @@ macro_rules! fields {
 
 fields! {
     f64: quantity,
+    u64: count,
     bool: flag,
+    String: text,
+    std::path::PathBuf: path,
     super::model::FunctionSpec: function,
+    [super::model::FunctionSpec; 3]: functions,
 }
 
 /// Without the key a list is empty.
 impl Field for Vec<String> {
     fn given(reader: &Reader, key: &str) -> Result<Option<Self>, SceneError> {
         Ok(Some(reader.texts(key)?.unwrap_or_default()))
+    }
+}
+
+/// Tables with names of the user's choice.
+impl<T: Spec> Field for Vec<(String, T)> {
+    fn given(reader: &Reader, key: &str) -> Result<Option<Self>, SceneError> {
+        let tables = reader.named(key)?.into_iter().map(|(name, inner)| Ok((name, T::read(&inner)?)));
+        tables.collect::<Result<_, _>>().map(Some)
+    }
+}
+
+/// A list of tables.
+impl<T: Spec> Field for Vec<T> {
+    fn given(reader: &Reader, key: &str) -> Result<Option<Self>, SceneError> {
+        reader.tables(key)?.iter().map(T::read).collect::<Result<_, _>>().map(Some)
     }
 }
 
@@ -135,6 +154,8 @@ macro_rules! table {
     (@range $range:ident) => { $crate::scene::schema::Range::$range };
     (@choices) => { Vec::new };
     (@choices $choices:path) => { || $crate::scene::schema::names($choices) };
+    (@choices_of $type:ty) => { <$type as $crate::scene::table::Field>::choices };
+    (@choices_of $type:ty, $choices:path) => { table!(@choices $choices) };
     (@value $reader:ident, $key:expr) => { $reader.field($key)? };
     (@value $reader:ident, $key:expr, $read:path) => { $read($reader, $key)? };
     (
@@ -144,7 +165,7 @@ macro_rules! table {
             $(
                 $(#[doc = $about:literal])+
                 $(#[serde($($serde:tt)+)])?
-                $field:ident: $type:ty = $kind:expr, $default:literal, $example:literal
+                $field:ident: $type:ty = $kind:expr, $default:literal, $example:literal $(in $choices:path)?
                 $(, $range:ident)? $(=> $read:path)?;
             )+
             $($location:ident)?
@@ -177,7 +198,7 @@ macro_rules! table {
                         name: stringify!($field),
                         kind: $kind,
                         range: table!(@range $($range)?),
-                        choices: <$type as $crate::scene::table::Field>::choices,
+                        choices: table!(@choices_of $type $(, $choices)?),
                         default: $default,
                         example: $example,
                         about: concat!($($about),+).trim_ascii_start(),

@@ -1,10 +1,9 @@
 //! Keys of bodies: parts, shapes, motions.
 
-use super::Kind::{self, Count, Flag, Function, List, Quantity, Rows, Tables, Text, TextOr, Texts, Vector};
-use super::function::{ANGULAR_SPEED, SPEED};
+use super::Kind::{self, Count, Flag, List, Quantity, Rows, Tables, Text, TextOr, Texts, Vector};
 use super::{D, Key, Range, Table, key, names};
-use crate::scene::file::MOTIONS;
-use crate::scene::model::DEGREES;
+use crate::scene::model::{MOTIONS, MotionSpec};
+use crate::scene::table::Spec;
 use graintrain::shape::{Lengths, Shape};
 
 pub(super) static BODY: Table = Table {
@@ -79,7 +78,7 @@ pub(super) static BODY: Table = Table {
         key("density", Quantity(D::DENSITY), "the material's", "\"7800 kg/m^3\"", "Density of this body").within(Range::Positive),
         key(
             "motion",
-            TextOr(&MOTION),
+            TextOr(MotionSpec::TABLE),
             "free; fixed for planes and meshes",
             "\"fixed\"",
             "free, fixed, or a table of prescribed motions",
@@ -293,78 +292,6 @@ static MESH: Table = Table {
             "false",
             "true",
             "A closed surface, counter-clockwise seen from outside, with the mass of its interior",
-        ),
-    ],
-};
-
-pub(super) static MOTION: Table = Table {
-    heading: "`motion`",
-    alternatives: &[],
-    keys: &[
-        key(
-            "free",
-            Texts,
-            "[]",
-            "[\"z\"]",
-            "Degrees of freedom that stay dynamic: x, y, z, rx, ry, rz; all others follow the prescribed velocity, zero by default",
-        ).one_of(|| DEGREES.to_vec()),
-        key(
-            "start",
-            Quantity(D::TIME),
-            "0",
-            "\"0.5 s\"",
-            "Start of the motion, at rest before; `t` in speeds is the time since then",
-        ).within(Range::NotNegative),
-        key(
-            "translation",
-            Tables(&TRANSLATION),
-            "[]",
-            "[{ direction = [1, 0, 0], speed = \"1 cm/s\" }]",
-            "Prescribed velocities, summed",
-        ),
-        key(
-            "rotation",
-            Kind::Table(&SPIN),
-            "none",
-            "{ axis = [0, 0, 1], speed = \"12 rpm\" }",
-            "Prescribed rotation about an axis that moves with the body, or through a point fixed in the world",
-        ),
-    ],
-};
-
-static TRANSLATION: Table = Table {
-    heading: "`motion.translation`",
-    alternatives: &[],
-    keys: &[
-        key("direction", Vector(D::NONE), "required", "[1, 0, 0]", "Direction; any length"),
-        key(
-            "speed",
-            Function(D::SPEED, &SPEED),
-            "required",
-            "\"10 cm/s\"",
-            "Speed: constant, or a function of time such as \"1 m/s * sin(2*pi*t/4 s)\"",
-        ),
-    ],
-};
-
-static SPIN: Table = Table {
-    heading: "`motion.rotation`",
-    alternatives: &[],
-    keys: &[
-        key(
-            "point",
-            Vector(D::LENGTH),
-            "the origin of the body's frame, moving with it",
-            "[0, 0, 0]",
-            "A point of an axis that is fixed in the world",
-        ),
-        key("axis", Vector(D::NONE), "[0, 0, 1]", "[1, 0, 0]", "Direction of the axis; any length"),
-        key(
-            "speed",
-            Function(D::ANGULAR_SPEED, &ANGULAR_SPEED),
-            "required",
-            "\"12 rpm\"",
-            "Angular speed: constant, or a function of time",
         ),
     ],
 };

@@ -4,29 +4,25 @@
 
 mod body;
 pub(super) mod function;
-mod load;
-mod measure;
 mod packing;
-mod periodic;
+pub(super) mod periodic;
 mod robot;
-mod stage;
 mod stream;
 
 use super::file::{OVERLAP, PRECISIONS};
 use super::joint::JointSpec;
-use super::model::PairRule;
+use super::measure::MEASURE;
+use super::model::{LoadSpec, PairRule};
 use super::quantity::Dimension;
+use super::stage::STAGE;
 use super::table::Spec;
 use body::BODY;
 pub(super) use body::SHAPE_NAMES;
 use function::ACCELERATION;
 use graintrain_ccp::FrictionModel;
-use load::LOAD;
-use measure::MEASURE;
 use packing::PACKING;
 use periodic::PERIODIC;
 use robot::ROBOT;
-use stage::STAGE;
 use stream::{OUTLET, STREAM};
 
 /// What a key holds.
@@ -217,6 +213,18 @@ impl Table {
     }
 }
 
+/// Keys in another order, by their numbers.
+pub(super) const fn in_order<const N: usize>(keys: &[Key], numbers: [usize; N]) -> [Key; N] {
+    assert!(keys.len() == N, "every key once");
+    let mut sorted = [keys[0]; N];
+    let mut place = 0;
+    while place < N {
+        sorted[place] = keys[numbers[place]];
+        place += 1;
+    }
+    sorted
+}
+
 /// Keys that exclude `key` in the table with this dotted path: setting one of them unsets the others.
 pub(crate) fn alternatives(path: &str, key: &str) -> Vec<&'static str> {
     let mut table = &SCENE;
@@ -343,7 +351,7 @@ pub static SCENE: Table = Table {
         ),
         key(
             "load",
-            Named(&LOAD),
+            Named(LoadSpec::TABLE),
             "none",
             "{ push = { bodies = [\"wheel\"], force = [0, 0, \"-2 kN\"] } }",
             "Forces, torques and fields by name",

@@ -5,6 +5,7 @@ use super::body::{PART, SHAPE};
 use super::{D, Key, Range, Table, key, names};
 use crate::scene::model::PackingFormat;
 use crate::scene::radius::BY;
+use crate::scene::region::{BOX_REGION, CYLINDER_REGION};
 
 pub(super) static PACKING: Table = Table {
     heading: "`[packing.NAME]`",
@@ -284,39 +285,6 @@ static POISSON: Table = Table {
             .within(Range::Positive),
         IN_BOX,
         IN_CYLINDER,
-    ],
-};
-
-pub(super) static BOX_REGION: Table = Table {
-    heading: "`box` of a region",
-    alternatives: &[],
-    keys: &[
-        key(
-            "min",
-            Vector(D::LENGTH),
-            "required",
-            "[0, 0, 0]",
-            "Lower corner; dropped bodies are completely inside",
-        ),
-        key("max", Vector(D::LENGTH), "required", "[1, 1, 3]", "Upper corner"),
-    ],
-};
-
-pub(super) static CYLINDER_REGION: Table = Table {
-    heading: "`cylinder` of a region",
-    alternatives: &[],
-    keys: &[
-        key("base", Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, \"1 cm\"]", "Centre of the lower end"),
-        key(
-            "radius",
-            Quantity(D::LENGTH),
-            "required",
-            "\"10 cm\"",
-            "Radius; dropped bodies are completely inside",
-        )
-        .within(Range::Positive),
-        key("height", Quantity(D::LENGTH), "required", "\"30 cm\"", "Height, along z")
-            .within(Range::Positive),
     ],
 };
 

@@ -26,7 +26,7 @@ pub(super) static PERIODIC: Table = Table {
     ],
 };
 
-pub(super) static STAGE_PERIODIC: Table = Table {
+pub(in super::super) static STAGE_PERIODIC: Table = Table {
     heading: "`stage.periodic`",
     alternatives: &[&["pressure", "stress"]],
     keys: &[RATES, STRESSES, ISOTROPIC, FASTEST],

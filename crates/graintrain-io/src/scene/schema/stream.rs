@@ -2,9 +2,10 @@
 
 use super::Kind::{self, Count, Flag, Quantity, QuantityOr, Tables, Text, Vector};
 use super::body::{PART, SHAPE};
-use super::load::REGION;
 use super::packing::RADIUS;
 use super::{D, Range, Table, key};
+
+use crate::scene::region::REGION;
 
 pub(super) static STREAM: Table = Table {
     heading: "`[stream.NAME]`",
