@@ -16,22 +16,12 @@ use super::schema;
 use super::solver;
 use super::stage::{self, StageSpec};
 use super::stream;
+use super::table::Spec;
 use super::tree::Node;
 use crate::files::is_file_name;
-use crate::settings::Precision;
-use graintrain::assemble::OverlapCorrection;
-use graintrain::material::{MOST_COHESION, TurningResistance};
 use graintrain::math::{Quat, Vec3};
 use graintrain::shape::{Length, Shape};
 use std::path::PathBuf;
-
-/// How overlap is removed.
-pub(super) const OVERLAP: &[(&str, OverlapCorrection)] =
-    &[("position", OverlapCorrection::Position), ("velocity", OverlapCorrection::Velocity)];
-
-/// Numbers of frames.
-pub(super) const PRECISIONS: &[(&str, Precision)] =
-    &[("single", Precision::Single), ("double", Precision::Double)];
 
 /// Seeds of streams begin so far behind that of the scene: packings have the first ones.
 const STREAM_SEEDS: u64 = 1000;
@@ -52,14 +42,10 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
     context.names = Names::of(&Reader::of_scene(&context, root)?)?;
     let scene = Reader::of_scene(&context, root)?;
     let time = time(&scene.required_child("time")?)?;
-    let seed = scene.count("seed")?.unwrap_or(1);
-    let mut materials = scene
-        .named("material")?
-        .into_iter()
-        .map(|(name, reader)| Ok((name, material(Some(&reader))?)))
-        .collect::<Result<Vec<_>, SceneError>>()?;
+    let seed: u64 = scene.field("seed")?;
+    let mut materials: Vec<(String, MaterialSpec)> = scene.field("material")?;
     if materials.is_empty() {
-        materials.push((names::DEFAULT_MATERIAL.to_string(), material(None)?));
+        materials.push((names::DEFAULT_MATERIAL.to_string(), scene.defaults()?));
     }
     let pairs = pairs(&scene)?;
     let mut bodies: Vec<(String, BodySpec)> = Vec::new();
@@ -137,12 +123,12 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         name: name.to_string(),
         title: scene.text("title")?.unwrap_or_else(|| name.to_string()),
         seed,
-        gravity: scene.functions("gravity")?.unwrap_or([0.0, 0.0, -9.81].map(FunctionSpec::constant)),
+        gravity: scene.field("gravity")?,
         parameters: context.parameters.listing(),
-        contact: contact(scene.child("contact")?)?,
+        contact: scene.field_or_defaults("contact")?,
         periodic,
         solver: solver::read(scene.child("solver")?)?,
-        output: output(scene.child("output")?, &time)?,
+        output: scene.field_or_defaults("output")?,
         time,
         materials,
         pairs,
@@ -174,132 +160,15 @@ fn time(reader: &Reader) -> Result<TimeSpec, SceneError> {
     Ok(TimeSpec { step, steps })
 }
 
-fn contact(reader: Option<Reader>) -> Result<ContactSpec, SceneError> {
-    let mut spec = ContactSpec {
-        envelope: None,
-        allowed_overlap: None,
-        relax: false,
-        overlap: OverlapCorrection::Position,
-        friction_rule: PairRule::Minimum,
-        restitution_rule: PairRule::Minimum,
-    };
-    if let Some(reader) = reader {
-        spec.envelope = reader.quantity("envelope")?;
-        spec.allowed_overlap = reader.quantity("allowed_overlap")?;
-        spec.relax = reader.flag("relax")?.unwrap_or(false);
-        spec.overlap = reader.choice("overlap", OVERLAP)?.unwrap_or(spec.overlap);
-        spec.friction_rule = reader.choice("friction_rule", PairRule::NAMES)?.unwrap_or(spec.friction_rule);
-        spec.restitution_rule =
-            reader.choice("restitution_rule", PairRule::NAMES)?.unwrap_or(spec.restitution_rule);
-    }
-    Ok(spec)
-}
-
-fn output(reader: Option<Reader>, time: &TimeSpec) -> Result<OutputSpec, SceneError> {
-    let whole = |fraction: u64| (time.steps / fraction).max(1) as f64 * time.step;
-    let mut spec = OutputSpec {
-        every: whole(100),
-        bodies: true,
-        contacts: true,
-        precision: Precision::Single,
-        checkpoint_every: whole(10),
-    };
-    if let Some(reader) = reader {
-        spec.every = reader.quantity("every")?.unwrap_or(spec.every);
-        spec.bodies = reader.flag("bodies")?.unwrap_or(spec.bodies);
-        spec.contacts = reader.flag("contacts")?.unwrap_or(spec.contacts);
-        spec.precision = reader.choice("precision", PRECISIONS)?.unwrap_or(spec.precision);
-        spec.checkpoint_every = reader.quantity("checkpoint_every")?.unwrap_or(spec.checkpoint_every);
-    }
-    Ok(spec)
-}
-
-fn material(reader: Option<&Reader>) -> Result<MaterialSpec, SceneError> {
-    let mut spec = MaterialSpec {
-        density: 1000.0,
-        friction: 0.25,
-        restitution: 0.0,
-        rolling_friction: TurningResistance::NONE,
-        spinning_friction: TurningResistance::NONE,
-        stiffness: 0.0,
-        damping: 0.0,
-        cohesion: 0.0,
-    };
-    if let Some(reader) = reader {
-        spec.density = reader.quantity("density")?.unwrap_or(spec.density);
-        spec.friction = reader.quantity("friction")?.unwrap_or(spec.friction);
-        spec.restitution = reader.quantity("restitution")?.unwrap_or(spec.restitution);
-        spec.rolling_friction = reader.resistance("rolling_friction")?.unwrap_or(spec.rolling_friction);
-        spec.spinning_friction = reader.resistance("spinning_friction")?.unwrap_or(spec.spinning_friction);
-        spec.stiffness = reader.quantity("stiffness")?.unwrap_or(spec.stiffness);
-        spec.damping = reader.quantity("damping")?.unwrap_or(spec.damping);
-        spec.cohesion = cohesion(reader)?.unwrap_or(spec.cohesion);
-        check_elasticity(reader, spec.stiffness, spec.damping, spec.restitution)?;
-    }
-    Ok(spec)
-}
-
-/// A pull, if given.
-fn cohesion(reader: &Reader) -> Result<Option<f64>, SceneError> {
-    match reader.quantity("cohesion")? {
-        Some(force) if force > MOST_COHESION => Err(reader.out_of_range(
-            "cohesion",
-            &format!("at most {MOST_COHESION:e} N"),
-            format!("{force:e}"),
-        )),
-        force => Ok(force),
-    }
-}
-
-/// Damping needs a stiffness, and a stiffness rebounds by itself.
-fn check_elasticity(
-    reader: &Reader,
-    stiffness: f64,
-    damping: f64,
-    restitution: f64,
-) -> Result<(), SceneError> {
-    if stiffness == 0.0 && damping > 0.0 {
-        return Err(reader.out_of_range("damping", "0 without a `stiffness`", damping));
-    }
-    if stiffness > 0.0 && restitution > 0.0 {
-        let requirement = "0 with a `stiffness`, which rebounds by itself: give it `damping`";
-        return Err(reader.out_of_range("restitution", requirement, restitution));
-    }
-    Ok(())
-}
-
 fn pairs(scene: &Reader) -> Result<Vec<PairSpec>, SceneError> {
     let mut pairs: Vec<PairSpec> = Vec::new();
     for reader in scene.tables("pair")? {
-        let names = reader.texts("materials")?.ok_or_else(|| reader.missing("materials"))?;
-        let names: [String; 2] = names
-            .try_into()
-            .map_err(|names: Vec<String>| reader.out_of_range("materials", "two names", names.len()))?;
-        for name in &names {
-            names::check(&reader, "materials", "material", name, &scene.context.names.materials)?;
-        }
-        let same = |pair: &&PairSpec| {
-            let [first, second] = &pair.materials;
-            names == pair.materials || (names[0] == *second && names[1] == *first)
-        };
-        if pairs.iter().find(same).is_some() {
-            let problem = format!("the pair {} and {} is given twice", names[0], names[1]);
+        let pair = PairSpec::read(&reader)?;
+        let [first, second] = &pair.materials;
+        let swapped = [second.clone(), first.clone()];
+        if pairs.iter().any(|known| known.materials == pair.materials || known.materials == swapped) {
+            let problem = format!("the pair {first} and {second} is given twice");
             return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
-        }
-        let pair = PairSpec {
-            materials: names,
-            friction: reader.quantity("friction")?,
-            restitution: reader.quantity("restitution")?,
-            rolling_friction: reader.resistance("rolling_friction")?,
-            spinning_friction: reader.resistance("spinning_friction")?,
-            stiffness: reader.quantity("stiffness")?,
-            damping: reader.quantity("damping")?,
-            cohesion: cohesion(&reader)?,
-            location: reader.location().clone(),
-        };
-        if let Some(stiffness) = pair.stiffness {
-            let [damping, restitution] = [pair.damping, pair.restitution].map(Option::unwrap_or_default);
-            check_elasticity(&reader, stiffness, damping, restitution)?;
         }
         pairs.push(pair);
     }

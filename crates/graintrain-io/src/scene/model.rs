@@ -19,11 +19,24 @@ pub use packing::{
 };
 pub use shape::{HullSpec, LengthsSpec, MeshSpec, ShapeSpec};
 
-use super::error::Location;
+use super::error::{Location, SceneError};
+use super::reader::Reader;
+use super::table::{Choice, table};
 use crate::settings::Precision;
 use graintrain::assemble::OverlapCorrection;
 use graintrain::math::{Quat, Vec3};
 use serde::{Serialize, Serializer};
+
+table! {
+    pub(super) static TIME: "`[time]`", at most one of ["end", "steps"] {
+        /// Time step
+        step = Quantity(D::TIME), "required", "\"25 ms\"", Positive;
+        /// Simulated time; rounded up to whole steps
+        end = Quantity(D::TIME), "one of end, steps", "\"2 s\"", Positive;
+        /// Number of steps
+        steps = Count, "one of end, steps", "120", Positive;
+    }
+}
 
 /// Time step and number of steps.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -34,39 +47,68 @@ pub struct TimeSpec {
     pub steps: u64,
 }
 
-/// Contact detection and overlap; `None` until the builder knows the bodies.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ContactSpec {
-    /// Contact envelope, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub envelope: Option<f64>,
-    /// Overlap accepted at the start, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub allowed_overlap: Option<f64>,
-    /// Whether bodies that overlap by more are moved apart before the run.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
-    pub relax: bool,
-    /// What becomes of overlap.
-    pub overlap: OverlapCorrection,
-    /// Friction of pairs that are not named.
-    pub friction_rule: PairRule,
-    /// Restitution of pairs that are not named.
-    pub restitution_rule: PairRule,
+table! {
+    /// Contact detection and overlap; `None` until the builder knows the bodies.
+    pub struct ContactSpec: "`[contact]`" {
+        /// Pairs closer than this become contacts
+        envelope: Option<f64> = Quantity(D::LENGTH), "0.05 x the smallest radius", "\"3 cm\"", Positive;
+        /// Largest initial overlap of rigid contacts
+        allowed_overlap: Option<f64> = Quantity(D::LENGTH), "0.01 x the smallest radius",
+            "\"0.1 mm\"", NotNegative;
+        /// Larger initial overlap is removed by displacements before the run, instead of being an error: for
+        /// packings of programs with soft contacts
+        #[serde(skip_serializing_if = "std::ops::Not::not")]
+        relax: bool = Flag, "false", "true";
+        /// How overlap is removed: position (by displacements, without kinetic energy) or velocity (bodies
+        /// separate with the velocity -gap / step and keep it: the paper's scheme)
+        overlap: OverlapCorrection = Text, "\"position\"", "\"velocity\"";
+        /// Friction (sliding, rolling, spinning) of a pair without a `pair` table, from both materials:
+        /// minimum, maximum, mean, geometric-mean
+        friction_rule: PairRule = Text, "\"minimum\"", "\"geometric-mean\"";
+        /// Restitution of such a pair
+        restitution_rule: PairRule = Text, "\"minimum\"", "\"mean\"";
+    }
 }
 
-/// What a run writes, and when.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct OutputSpec {
-    /// Simulated time between frames, s.
-    pub every: f64,
-    /// Whether bodies are written.
-    pub bodies: bool,
-    /// Whether contacts are written.
-    pub contacts: bool,
-    /// Precision of frames.
-    pub precision: Precision,
-    /// Simulated time between checkpoints, s.
-    pub checkpoint_every: f64,
+table! {
+    /// What a run writes, and when.
+    pub struct OutputSpec: "`[output]`" {
+        /// Simulated time between frames; rounded to whole steps
+        every: f64 = Quantity(D::TIME), "end / 100, at least a step", "\"0.1 s\"", Positive => hundredth;
+        /// Write the bodies of each frame
+        bodies: bool = Flag, "true", "false";
+        /// Write the contacts of each frame
+        contacts: bool = Flag, "true", "false";
+        /// Floating-point numbers of the frames: single (for pictures) or double
+        precision: Precision = Text, "\"single\"", "\"double\"";
+        /// Simulated time between checkpoints
+        checkpoint_every: f64 = Quantity(D::TIME), "end / 10, at least a step", "\"1 s\"", Positive => tenth;
+    }
+}
+
+impl Choice for OverlapCorrection {
+    const NAMES: &'static [(&'static str, Self)] =
+        &[("position", Self::Position), ("velocity", Self::Velocity)];
+}
+
+impl Choice for Precision {
+    const NAMES: &'static [(&'static str, Self)] = &[("single", Self::Single), ("double", Self::Double)];
+}
+
+/// A hundredth of the run, s.
+fn hundredth(reader: &Reader, key: &str) -> Result<f64, SceneError> {
+    share(reader, key, 100)
+}
+
+/// A tenth of the run, s.
+fn tenth(reader: &Reader, key: &str) -> Result<f64, SceneError> {
+    share(reader, key, 10)
+}
+
+/// A share of the run in whole steps, s, unless the key says another time.
+fn share(reader: &Reader, key: &str, parts: u64) -> Result<f64, SceneError> {
+    let TimeSpec { step, steps } = reader.context.time;
+    Ok(reader.quantity(key)?.unwrap_or((steps / parts).max(1) as f64 * step))
 }
 
 /// A single body.

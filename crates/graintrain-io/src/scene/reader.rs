@@ -7,7 +7,7 @@ use super::names::Names;
 use super::parameters::Parameters;
 use super::quantity::Dimension;
 use super::schema::{self, Key, Kind, REQUIRED, Range, Table};
-use super::table::Field;
+use super::table::{Field, Spec};
 use super::tree::{self, Node, Value};
 use graintrain::formula::Formula;
 use graintrain::material::TurningResistance;
@@ -114,6 +114,17 @@ impl<'a> Reader<'a> {
         let reader =
             Reader { context: self.context, node: &node, path: self.path.clone(), table: self.table };
         T::given(&reader, key)?.ok_or_else(|| self.missing(key))
+    }
+
+    /// What the table under a key says, or without one the defaults of its keys.
+    pub fn field_or_defaults<T: Spec>(&self, key: &str) -> Result<T, SceneError> {
+        self.child(key)?.map_or_else(|| self.defaults(), |inner| T::read(&inner))
+    }
+
+    /// What a table without keys says.
+    pub fn defaults<T: Spec>(&self) -> Result<T, SceneError> {
+        let node = Node { value: Value::Table(Vec::new()), location: self.location().clone() };
+        T::read(&Reader { context: self.context, node: &node, path: self.path.clone(), table: T::TABLE })
     }
 
     /// The value of a key, if given.

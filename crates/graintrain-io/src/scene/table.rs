@@ -82,6 +82,7 @@ fields! {
     std::path::PathBuf: path,
     super::model::FunctionSpec: function,
     [super::model::FunctionSpec; 3]: functions,
+    graintrain::material::TurningResistance: resistance,
 }
 
 /// Without the key a list is empty.
@@ -128,7 +129,7 @@ impl<T: Spec> Field for Vec<T> {
 /// A row has
 /// - the meaning of the key, as the documentation tells it,
 /// - perhaps `#[serde(...)]`: how it is written; `None` never is,
-/// - its name and type, a [`Field`], which also says what texts it may hold,
+/// - its name and type, a [`Field`] unless a function reads it, which also says what texts it may hold,
 /// - what it holds, a [`Kind`](super::schema::Kind),
 /// - its default: a value in TOML, perhaps with an explanation after a colon, or `required`; or a sentence,
 ///   where the type is an `Option`, or a function reads the key,
@@ -154,8 +155,9 @@ macro_rules! table {
     (@range $range:ident) => { $crate::scene::schema::Range::$range };
     (@choices) => { Vec::new };
     (@choices $choices:path) => { || $crate::scene::schema::names($choices) };
+    (@choices_of $type:ty => $read:path) => { Vec::new };
     (@choices_of $type:ty) => { <$type as $crate::scene::table::Field>::choices };
-    (@choices_of $type:ty, $choices:path) => { table!(@choices $choices) };
+    (@choices_of $type:ty, $choices:path $(=> $read:path)?) => { table!(@choices $choices) };
     (@value $reader:ident, $key:expr) => { $reader.field($key)? };
     (@value $reader:ident, $key:expr, $read:path) => { $read($reader, $key)? };
     (
@@ -198,7 +200,7 @@ macro_rules! table {
                         name: stringify!($field),
                         kind: $kind,
                         range: table!(@range $($range)?),
-                        choices: table!(@choices_of $type $(, $choices)?),
+                        choices: table!(@choices_of $type $(, $choices)? $(=> $read)?),
                         default: $default,
                         example: $example,
                         about: concat!($($about),+).trim_ascii_start(),
