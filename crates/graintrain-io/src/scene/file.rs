@@ -12,7 +12,6 @@ use super::radius::radius;
 use super::reader::{Context, Reader};
 use super::region::region;
 use super::robot;
-use super::schema;
 use super::solver;
 use super::stage::{self, StageSpec};
 use super::stream;
@@ -20,7 +19,6 @@ use super::table::Spec;
 use super::tree::Node;
 use crate::files::is_file_name;
 use graintrain::math::{Quat, Vec3};
-use graintrain::shape::{Length, Shape};
 use std::path::PathBuf;
 
 /// Seeds of streams begin so far behind that of the scene: packings have the first ones.
@@ -179,14 +177,14 @@ fn pairs(scene: &Reader) -> Result<Vec<PairSpec>, SceneError> {
 fn body(reader: &Reader, known: &[(String, BodySpec)]) -> Result<BodySpec, SceneError> {
     let parts = match reader.one_of(&["shape", "parts"])? {
         "shape" => vec![PartSpec {
-            shape: shape(&reader.required_child("shape")?)?,
+            shape: reader.field("shape")?,
             position: Vec3::ZERO,
             rotation: RotationSpec(Quat::IDENTITY),
         }],
-        _ => reader.tables("parts")?.iter().map(part).collect::<Result<Vec<_>, _>>()?,
+        _ => reader.field("parts")?,
     };
     reader.at_most_one_of(&["mass", "density"])?;
-    let position = reader.vector("position")?.unwrap_or(Vec3::ZERO);
+    let position = reader.field("position")?;
     let inertia = reader.vector("inertia")?;
     if inertia.is_some() && reader.get("mass").is_none() {
         return Err(reader.missing("mass"));
@@ -209,9 +207,9 @@ fn body(reader: &Reader, known: &[(String, BodySpec)]) -> Result<BodySpec, Scene
         parts,
         material: names::material(reader)?,
         position,
-        rotation: rotation(reader)?,
-        velocity: reader.vector("velocity")?.unwrap_or(Vec3::ZERO),
-        angular_velocity: reader.vector("angular_velocity")?.unwrap_or(Vec3::ZERO),
+        rotation: reader.field("rotation")?,
+        velocity: reader.field("velocity")?,
+        angular_velocity: reader.field("angular_velocity")?,
         mass: reader.quantity("mass")?,
         inertia,
         products,
@@ -223,123 +221,17 @@ fn body(reader: &Reader, known: &[(String, BodySpec)]) -> Result<BodySpec, Scene
     })
 }
 
-pub(super) fn part(reader: &Reader) -> Result<PartSpec, SceneError> {
-    Ok(PartSpec {
-        shape: shape(&reader.required_child("shape")?)?,
-        position: reader.vector("position")?.unwrap_or(Vec3::ZERO),
-        rotation: rotation(reader)?,
-    })
-}
-
-pub(super) fn rotation(parent: &Reader) -> Result<RotationSpec, SceneError> {
-    let Some(reader) = parent.child("rotation")? else { return Ok(RotationSpec(Quat::IDENTITY)) };
-    reader.at_most_one_of(&["angle", "quaternion"])?;
-    reader.at_most_one_of(&["axis", "quaternion"])?;
-    let Some(quaternion) = reader.list("quaternion")? else {
-        let axis = reader.direction("axis")?.unwrap_or(Vec3::Z);
-        let angle = reader.quantity("angle")?.unwrap_or(0.0);
-        return Ok(RotationSpec(Quat::from_axis_angle(axis, angle)));
-    };
-    let &[x, y, z, w] = quaternion.as_slice() else {
-        return Err(reader.out_of_range("quaternion", "four numbers", quaternion.len()));
-    };
-    let quaternion = Quat::from_xyzw(x, y, z, w);
-    let length = quaternion.length();
-    if !(length.is_finite() && length > 0.0) {
-        return Err(reader.out_of_range("quaternion", "of any length but zero", quaternion));
-    }
-    // A unit quaternion written by `to_toml` must come back unchanged.
-    let is_unit = (length - 1.0).abs() < 1e-14;
-    Ok(RotationSpec(if is_unit { quaternion } else { quaternion / length }))
-}
-
-pub(super) fn shape(reader: &Reader) -> Result<ShapeSpec, SceneError> {
-    let form = reader.one_of(schema::SHAPE_NAMES)?;
-    let inner = reader.required_child(form)?;
-    if let Some(form) = Shape::BY_LENGTHS.iter().find(|lengths| lengths.name == form) {
-        let length = |length: &Length| match inner.quantity(length.name)? {
-            None if length.is_required => Err(inner.missing(length.name)),
-            given => Ok(given.unwrap_or(0.0)),
-        };
-        let lengths = form.lengths.iter().map(length).collect::<Result<_, _>>()?;
-        return Ok(ShapeSpec::Lengths(LengthsSpec { form, lengths }));
-    }
-    Ok(match form {
-        "box" => ShapeSpec::Box { size: inner.vector("size")?.ok_or_else(|| inner.missing("size"))? },
-        "plane" => ShapeSpec::Plane { normal: inner.direction("normal")?.unwrap_or(Vec3::Z) },
-        "hull" => ShapeSpec::Hull(hull(&inner)?),
-        _ => ShapeSpec::Mesh(mesh(&inner)?),
-    })
-}
-
-fn hull(reader: &Reader) -> Result<HullSpec, SceneError> {
-    reader.one_of(&["file", "points"])?;
-    let scale = reader.vector_or_quantity("scale")?.unwrap_or(Vec3::ONE);
-    if scale.to_array().contains(&0.0) {
-        return Err(reader.out_of_range("scale", "a factor other than zero", scale));
-    }
-    let corners = reader.count("corners")?;
-    if corners.is_some_and(|corners| corners < 4) {
-        return Err(reader.out_of_range("corners", "at least 4", corners.unwrap_or_default()));
-    }
-    let points: Vec<[f64; 3]> = reader.rows("points")?.unwrap_or_default();
-    Ok(HullSpec {
-        file: reader.path("file")?,
-        points: points.into_iter().map(Vec3::from_array).collect(),
-        scale,
-        corners,
-        location: reader
-            .get("file")
-            .or(reader.get("points"))
-            .map_or(reader.location(), |node| &node.location)
-            .clone(),
-    })
-}
-
-fn mesh(reader: &Reader) -> Result<MeshSpec, SceneError> {
-    let form = reader.one_of(&["file", "vertices"])?;
-    reader.at_most_one_of(&["file", "triangles"])?;
-    let mut spec = MeshSpec {
-        file: reader.path("file")?,
-        vertices: Vec::new(),
-        triangles: Vec::new(),
-        scale: reader.vector_or_quantity("scale")?.unwrap_or(Vec3::ONE),
-        solid: reader.flag("solid")?.unwrap_or(false),
-        location: reader.get("file").map_or(reader.location(), |node| &node.location).clone(),
-    };
-    if form == "vertices" {
-        let vertices = reader.rows("vertices")?.ok_or_else(|| reader.missing("vertices"))?;
-        let triangles = reader.rows("triangles")?.ok_or_else(|| reader.missing("triangles"))?;
-        let vertex = |number: f64| {
-            let is_one = number.fract() == 0.0 && (0.0..vertices.len() as f64).contains(&number);
-            is_one.then_some(number as u32).ok_or_else(|| {
-                let requirement = format!("made of vertex numbers from 0 to {}", vertices.len() as i64 - 1);
-                reader.out_of_range("triangles", &requirement, number)
-            })
-        };
-        spec.triangles = triangles
-            .iter()
-            .map(|&[a, b, c]| Ok([vertex(a)?, vertex(b)?, vertex(c)?]))
-            .collect::<Result<_, SceneError>>()?;
-        if spec.triangles.is_empty() {
-            return Err(reader.out_of_range("triangles", "at least one", "none"));
-        }
-        spec.vertices = vertices.into_iter().map(Vec3::from_array).collect();
-    }
-    Ok(spec)
-}
-
 fn packing(reader: &Reader, default_seed: u64) -> Result<PackingSpec, SceneError> {
     let form = reader.one_of(&["lattice", "drop", "poisson", "file"])?;
     let inner = reader.required_child(form)?;
     let source = match form {
-        "lattice" => PackingSource::Lattice(lattice(&inner)?),
+        "lattice" => PackingSource::Lattice(LatticeSpec::read(&inner)?),
         "drop" => PackingSource::Drop(drop_spec(&inner)?),
         "poisson" => PackingSource::Poisson(PoissonSpec {
             distance: inner.required("distance")?,
             region: region(&inner)?,
         }),
-        _ => PackingSource::File(file(&inner)?),
+        _ => PackingSource::File(FileSpec::read(&inner)?),
     };
     let form = reader.at_most_one_of(&["shape", "parts"])?;
     if let (PackingSource::File(_), Some(form)) = (&source, form) {
@@ -365,8 +257,8 @@ pub(super) fn grains(reader: &Reader) -> Result<GrainSpec, SceneError> {
 /// The same where a file may have the sizes.
 fn grains_of(reader: &Reader) -> Result<GrainSpec, SceneError> {
     let size = reader.at_most_one_of(&["radius", "shape", "parts"])?;
-    let shape = reader.child("shape")?.as_ref().map(shape).transpose()?;
-    let parts = reader.tables("parts")?.iter().map(part).collect::<Result<Vec<_>, _>>()?;
+    let shape: Option<ShapeSpec> = reader.field("shape")?;
+    let parts: Vec<PartSpec> = reader.field("parts")?;
     for (key, shape) in
         shape.iter().map(|shape| ("shape", shape)).chain(parts.iter().map(|part| ("parts", &part.shape)))
     {
@@ -382,61 +274,16 @@ fn grains_of(reader: &Reader) -> Result<GrainSpec, SceneError> {
         radius: radius(reader)?,
         shape,
         parts,
-        random_rotation: reader.flag("random_rotation")?.unwrap_or(false),
+        random_rotation: reader.field("random_rotation")?,
         material: names::material(reader)?,
-        velocity: reader.vector("velocity")?.unwrap_or(Vec3::ZERO),
-        lock_rotation: reader.flag("lock_rotation")?.unwrap_or(false),
-    })
-}
-
-fn lattice(reader: &Reader) -> Result<LatticeSpec, SceneError> {
-    Ok(LatticeSpec {
-        counts: reader.counts("counts")?,
-        pitch: reader.vector_or_quantity("pitch")?.ok_or_else(|| reader.missing("pitch"))?,
-        origin: reader.vector("origin")?.unwrap_or(Vec3::ZERO),
-        jitter: reader.quantity("jitter")?.unwrap_or(0.0),
+        velocity: reader.field("velocity")?,
+        lock_rotation: reader.field("lock_rotation")?,
     })
 }
 
 fn drop_spec(reader: &Reader) -> Result<DropSpec, SceneError> {
     let region = region(reader)?;
     Ok(DropSpec { count: reader.required_count("count")? as usize, region })
-}
-
-fn file(reader: &Reader) -> Result<FileSpec, SceneError> {
-    let path = reader.path("path")?.ok_or_else(|| reader.missing("path"))?;
-    let format = match reader.choice("format", PackingFormat::NAMES)? {
-        Some(format) => format,
-        None => match path.extension().and_then(|ending| ending.to_str()).map(str::to_lowercase).as_deref() {
-            Some("vtu" | "vtp") => PackingFormat::Vtk,
-            Some("csv") => PackingFormat::Csv,
-            Some("dump" | "lammpstrj" | "liggghts") => PackingFormat::Lammps,
-            Some("xyz" | "extxyz") => PackingFormat::Xyz,
-            Some("data" | "restart") => PackingFormat::Mercury,
-            _ => PackingFormat::Table,
-        },
-    };
-    let frame = reader.count("frame")?;
-    if frame.is_some()
-        && !matches!(format, PackingFormat::Lammps | PackingFormat::Xyz | PackingFormat::Mercury)
-    {
-        let problem =
-            format!("`{}.frame` is for files with several frames: lammps, xyz and mercury", reader.path);
-        return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
-    }
-    Ok(FileSpec {
-        path,
-        format,
-        frame,
-        skip_last: reader.count("skip_last")?.unwrap_or(0) as usize,
-        scale: reader.quantity("scale")?.unwrap_or(1.0),
-        offset: reader.vector("offset")?.unwrap_or(Vec3::ZERO),
-        keep_min: reader.vector("keep_min")?,
-        keep_max: reader.vector("keep_max")?,
-        radius_min: reader.quantity("radius_min")?.unwrap_or(0.0),
-        radius_max: reader.quantity("radius_max")?,
-        location: reader.get("path").map_or(reader.location(), |node| &node.location).clone(),
-    })
 }
 
 #[cfg(test)]

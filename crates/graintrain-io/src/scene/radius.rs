@@ -3,13 +3,104 @@
 use super::error::SceneError;
 use super::model::{RadiusDistribution, RadiusSpec};
 use super::reader::Reader;
+use super::table::table;
 use super::tree::{Node, Value};
+
+table! {
+    pub(super) static RADIUS: "`packing.NAME.radius`", at most one of ["uniform", "normal", "lognormal", "choice", "rosin_rammler", "sieves"] {
+        /// Uniform between two radii
+        uniform = Table(&UNIFORM), "one of", "{ min = \"4 mm\", max = \"6 mm\" }";
+        /// Normal, cut off at two radii
+        normal = Table(&NORMAL), "one of",
+            "{ mean = \"5 mm\", deviation = \"0.5 mm\", min = \"4 mm\", max = \"6 mm\" }";
+        /// Log-normal, cut off at two radii
+        lognormal = Table(&LOGNORMAL), "one of",
+            "{ median = \"5 mm\", deviation = 0.2, min = \"3 mm\", max = \"8 mm\" }";
+        /// One of several radii
+        choice = Table(&CHOICE), "one of", "{ radii = [\"4 mm\", \"8 mm\"], weights = [0.9, 0.1] }";
+        /// Rosin-Rammler, cut off at two radii: cumulative mass fraction 1 - exp(-(r/size)^spread) up to
+        /// radius r
+        rosin_rammler = Table(&ROSIN_RAMMLER), "one of",
+            "{ size = \"5 mm\", spread = 3, min = \"2 mm\", max = \"8 mm\" }";
+        /// A grading curve by mass, linear in the logarithm of the opening between sieves
+        sieves = Table(&SIEVES), "one of",
+            "{ openings = [\"2 mm\", \"4 mm\", \"8 mm\"], passing = [0, 0.3, 1] }";
+        /// Whether fractions, weights, medians and means are by number of spheres, or by mass
+        by = Text, "\"number\"; of rosin_rammler and sieves \"mass\"", "\"mass\"" in BY;
+    }
+}
+
+table! {
+    static UNIFORM: "`radius.uniform`" {
+        /// Smallest radius
+        min = Quantity(D::LENGTH), "required", "\"4 mm\"", Positive;
+        /// Largest radius
+        max = Quantity(D::LENGTH), "required", "\"6 mm\"", Positive;
+    }
+}
+
+table! {
+    static NORMAL: "`radius.normal`" {
+        /// Mean before the cut
+        mean = Quantity(D::LENGTH), "required", "\"5 mm\"", Positive;
+        /// Standard deviation before the cut
+        deviation = Quantity(D::LENGTH), "required", "\"0.5 mm\"", NotNegative;
+        /// Smallest radius
+        min = Quantity(D::LENGTH), "required", "\"4 mm\"", Positive;
+        /// Largest radius
+        max = Quantity(D::LENGTH), "required", "\"6 mm\"", Positive;
+    }
+}
+
+table! {
+    static LOGNORMAL: "`radius.lognormal`" {
+        /// Median before the cut
+        median = Quantity(D::LENGTH), "required", "\"5 mm\"", Positive;
+        /// Standard deviation of the logarithm before the cut
+        deviation = Quantity(D::NONE), "required", "0.2", NotNegative;
+        /// Smallest radius
+        min = Quantity(D::LENGTH), "required", "\"4 mm\"", Positive;
+        /// Largest radius
+        max = Quantity(D::LENGTH), "required", "\"6 mm\"", Positive;
+    }
+}
+
+table! {
+    static CHOICE: "`radius.choice`" {
+        /// The radii
+        radii = List(D::LENGTH), "required", "[\"4 mm\", \"8 mm\"]", Positive;
+        /// Relative frequency of each; any sum
+        weights = List(D::NONE), "equal", "[0.9, 0.1]", NotNegative;
+    }
+}
+
+table! {
+    static ROSIN_RAMMLER: "`radius.rosin_rammler`" {
+        /// Radius with a cumulative mass fraction of 63.2 % before the cut
+        size = Quantity(D::LENGTH), "required", "\"5 mm\"", Positive;
+        /// Exponent, at most 100: the larger, the narrower
+        spread = Quantity(D::NONE), "required", "3", Positive;
+        /// Smallest radius
+        min = Quantity(D::LENGTH), "required", "\"4 mm\"", Positive;
+        /// Largest radius
+        max = Quantity(D::LENGTH), "required", "\"6 mm\"", Positive;
+    }
+}
+
+table! {
+    static SIEVES: "`radius.sieves`" {
+        /// Openings, ascending: the largest *diameters* that pass
+        openings = List(D::LENGTH), "required", "[\"2 mm\", \"4 mm\", \"8 mm\"]", Positive;
+        /// Mass fraction that passes each, from 0 to 1
+        passing = List(D::NONE), "required", "[0, 0.3, 1]", ZeroToOne;
+    }
+}
 
 /// The distributions, of which one is given.
 const FORMS: &[&str] = &["uniform", "normal", "lognormal", "choice", "rosin_rammler", "sieves"];
 
 /// What distributions count, and whether that is mass.
-pub(super) const BY: &[(&str, bool)] = &[("number", false), ("mass", true)];
+const BY: &[(&str, bool)] = &[("number", false), ("mass", true)];
 
 /// Largest exponent of Rosin and Rammler: all sizes are equal to a percent.
 const MOST_SPREAD: f64 = 100.0;

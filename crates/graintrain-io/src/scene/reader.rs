@@ -77,6 +77,11 @@ impl<'a> Reader<'a> {
         &self.node.location
     }
 
+    /// Where the first of these keys is written that is given, otherwise where the table is.
+    pub fn location_of(&self, keys: &[&str]) -> &'a Location {
+        keys.iter().find_map(|key| self.get(key)).map_or(self.location(), |node| &node.location)
+    }
+
     /// The table's name for people.
     fn label(&self) -> String {
         if self.path.is_empty() { "the scene".into() } else { format!("`{}`", self.path) }
@@ -501,14 +506,14 @@ impl<'a> Reader<'a> {
         self.count(key)?.ok_or_else(|| self.missing(key))
     }
 
-    /// Three whole numbers from 1 that must be given.
-    pub fn counts(&self, key: &str) -> Result<[u64; 3], SceneError> {
-        let items = self.items(key)?.ok_or_else(|| self.missing(key))?;
+    /// Three whole numbers from 1, if given.
+    pub fn counts(&self, key: &str) -> Result<Option<[u64; 3]>, SceneError> {
+        let Some(items) = self.items(key)? else { return Ok(None) };
         let path = self.full(key);
         let counts: Vec<u64> =
             items.iter().map(|item| self.whole(&path, item, key)).collect::<Result<_, _>>()?;
         match counts.as_slice() {
-            &[x, y, z] if x.min(y).min(z) > 0 => Ok([x, y, z]),
+            &[x, y, z] if x.min(y).min(z) > 0 => Ok(Some([x, y, z])),
             [_, _, _] => Err(self.out_of_range(key, "at least 1 each", format!("{counts:?}"))),
             _ => Err(self.wrong_type(&path, &self.expectation(key), self.get(key).unwrap_or(self.node))),
         }

@@ -77,12 +77,19 @@ macro_rules! fields {
 fields! {
     f64: quantity,
     u64: count,
+    [u64; 3]: counts,
     bool: flag,
     String: text,
     std::path::PathBuf: path,
     super::model::FunctionSpec: function,
     [super::model::FunctionSpec; 3]: functions,
     graintrain::material::TurningResistance: resistance,
+}
+
+impl Field for usize {
+    fn given(reader: &Reader, key: &str) -> Result<Option<Self>, SceneError> {
+        Ok(reader.count(key)?.map(|count| count as usize))
+    }
 }
 
 /// Without the key a list is empty.
@@ -137,7 +144,8 @@ impl<T: Spec> Field for Vec<T> {
 /// - perhaps the [`Range`](super::schema::Range) of its numbers,
 /// - perhaps the function that reads it, `=> FUNCTION`, a `fn(&Reader, &str) -> Result<TYPE, SceneError>`.
 ///
-/// `location` at the end stands for a field with the place where the table is written.
+/// `location` at the end stands for a field with the place where the table is written, `location of KEY, KEY`
+/// for that of the first of these keys that is given.
 ///
 /// A table without a struct of its own, read by hand or by that of another one with the same keys, is a
 /// `static` whose rows have no type; the texts that a key may hold are given behind its example:
@@ -170,7 +178,7 @@ macro_rules! table {
                 $field:ident: $type:ty = $kind:expr, $default:literal, $example:literal $(in $choices:path)?
                 $(, $range:ident)? $(=> $read:path)?;
             )+
-            $($location:ident)?
+            $($location:ident $(of $($place:ident),+)?)?
         }
     ) => {
         $(#[$attribute])*
@@ -217,7 +225,7 @@ macro_rules! table {
                 }
                 let spec = Self {
                     $($field: table!(@value reader, stringify!($field) $(, $read)?),)+
-                    $($location: reader.location().clone(),)?
+                    $($location: reader.location_of(&[$($(stringify!($place)),+)?]).clone(),)?
                 };
                 $($check(&spec, reader)?;)?
                 Ok(spec)

@@ -2,26 +2,19 @@
 //! against these tables, `--set` finds alternatives in them, `graintrain schema` prints them as a JSON
 //! Schema, and a test holds `docs/scenes.md` against them.
 
-mod body;
 pub(super) mod function;
-mod packing;
 pub(super) mod periodic;
-mod robot;
-mod stream;
 
 use super::joint::JointSpec;
 use super::measure::MEASURE;
-use super::model::{ContactSpec, LoadSpec, MaterialSpec, OutputSpec, PairSpec, TIME};
+use super::model::{BODY, ContactSpec, LoadSpec, MaterialSpec, OutputSpec, PACKING, PairSpec, TIME};
 use super::quantity::Dimension;
+use super::robot::ROBOT;
 use super::solver::SOLVER;
 use super::stage::STAGE;
+use super::stream::{OUTLET, STREAM};
 use super::table::{Spec, table};
-use body::BODY;
-pub(super) use body::SHAPE_NAMES;
-use packing::PACKING;
 use periodic::PERIODIC;
-use robot::ROBOT;
-use stream::{OUTLET, STREAM};
 
 /// What a key holds.
 #[derive(Clone, Copy, Debug)]
@@ -155,7 +148,7 @@ pub struct Key {
 
 impl Key {
     /// The same key whose numbers lie in this range.
-    const fn within(self, range: Range) -> Self {
+    pub(super) const fn within(self, range: Range) -> Self {
         Self { range, ..self }
     }
 
@@ -241,7 +234,7 @@ pub(crate) fn alternatives(path: &str, key: &str) -> Vec<&'static str> {
     groups.flat_map(|group| group.iter().copied()).filter(|other| *other != key).collect()
 }
 
-const fn key(
+pub(super) const fn key(
     name: &'static str,
     kind: Kind,
     default: &'static str,
