@@ -142,11 +142,11 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
 }
 
 fn time(reader: &Reader) -> Result<TimeSpec, SceneError> {
-    let step = reader.required("step")?;
-    let steps = match reader.one_of(&["end", "steps"])? {
-        "steps" => reader.required_count("steps")?,
+    let step: f64 = reader.field("step")?;
+    let steps = match reader.which()? {
+        "steps" => reader.field("steps")?,
         _ => {
-            let end = reader.required("end")?;
+            let end: f64 = reader.field("end")?;
             let ratio = end / step;
             if ratio > MOST_STEPS {
                 return Err(reader.out_of_range("end", "at most 1e12 steps", format!("{ratio:.3e} steps")));
@@ -175,7 +175,7 @@ fn pairs(scene: &Reader) -> Result<Vec<PairSpec>, SceneError> {
 
 /// Reads a body; `known` are those above it.
 fn body(reader: &Reader, known: &[(String, BodySpec)]) -> Result<BodySpec, SceneError> {
-    let parts = match reader.one_of(&["shape", "parts"])? {
+    let parts = match reader.which()? {
         "shape" => vec![PartSpec {
             shape: reader.field("shape")?,
             position: Vec3::ZERO,
@@ -183,7 +183,7 @@ fn body(reader: &Reader, known: &[(String, BodySpec)]) -> Result<BodySpec, Scene
         }],
         _ => reader.field("parts")?,
     };
-    reader.at_most_one_of(&["mass", "density"])?;
+    reader.check_alternatives()?;
     let position = reader.field("position")?;
     let inertia = reader.vector("inertia")?;
     if inertia.is_some() && reader.get("mass").is_none() {
@@ -222,15 +222,17 @@ fn body(reader: &Reader, known: &[(String, BodySpec)]) -> Result<BodySpec, Scene
 }
 
 fn packing(reader: &Reader, default_seed: u64) -> Result<PackingSpec, SceneError> {
-    let form = reader.one_of(&["lattice", "drop", "poisson", "file"])?;
-    let inner = reader.required_child(form)?;
+    let (form, inner) = reader.form()?;
     let source = match form {
         "lattice" => PackingSource::Lattice(LatticeSpec::read(&inner)?),
-        "drop" => PackingSource::Drop(drop_spec(&inner)?),
-        "poisson" => PackingSource::Poisson(PoissonSpec {
-            distance: inner.required("distance")?,
-            region: region(&inner)?,
-        }),
+        "drop" => {
+            let region = region(&inner)?;
+            PackingSource::Drop(DropSpec { count: inner.field("count")?, region })
+        }
+        "poisson" => {
+            let distance = inner.field("distance")?;
+            PackingSource::Poisson(PoissonSpec { distance, region: region(&inner)? })
+        }
         _ => PackingSource::File(FileSpec::read(&inner)?),
     };
     let form = reader.at_most_one_of(&["shape", "parts"])?;
@@ -279,11 +281,6 @@ fn grains_of(reader: &Reader) -> Result<GrainSpec, SceneError> {
         velocity: reader.field("velocity")?,
         lock_rotation: reader.field("lock_rotation")?,
     })
-}
-
-fn drop_spec(reader: &Reader) -> Result<DropSpec, SceneError> {
-    let region = region(reader)?;
-    Ok(DropSpec { count: reader.required_count("count")? as usize, region })
 }
 
 #[cfg(test)]

@@ -230,9 +230,7 @@ impl Serialize for RotationSpec {
 impl Field for RotationSpec {
     fn given(parent: &Reader, key: &str) -> Result<Option<Self>, SceneError> {
         let Some(reader) = parent.child(key)? else { return Ok(Some(Self(Quat::IDENTITY))) };
-        for group in ROTATION.alternatives {
-            reader.at_most_one_of(group)?;
-        }
+        reader.check_alternatives()?;
         let Some(quaternion) = reader.list("quaternion")? else {
             return Ok(Some(Self(Quat::from_axis_angle(reader.field("axis")?, reader.field("angle")?))));
         };

@@ -7,7 +7,8 @@ use super::table::table;
 use super::tree::{Node, Value};
 
 table! {
-    pub(super) static RADIUS: "`packing.NAME.radius`", at most one of ["uniform", "normal", "lognormal", "choice", "rosin_rammler", "sieves"] {
+    pub(super) static RADIUS: "`packing.NAME.radius`",
+        at most one of ["uniform", "normal", "lognormal", "choice", "rosin_rammler", "sieves"] {
         /// Uniform between two radii
         uniform = Table(&UNIFORM), "one of", "{ min = \"4 mm\", max = \"6 mm\" }";
         /// Normal, cut off at two radii
@@ -96,9 +97,6 @@ table! {
     }
 }
 
-/// The distributions, of which one is given.
-const FORMS: &[&str] = &["uniform", "normal", "lognormal", "choice", "rosin_rammler", "sieves"];
-
 /// What distributions count, and whether that is mass.
 const BY: &[(&str, bool)] = &[("number", false), ("mass", true)];
 
@@ -115,9 +113,8 @@ pub(super) fn radius(packing: &Reader) -> Result<Option<RadiusSpec>, SceneError>
         }
     }
     let reader = packing.required_child("radius")?;
-    let form = reader.one_of(FORMS)?;
+    let (form, inner) = reader.form()?;
     let by_mass = reader.choice("by", BY)?;
-    let inner = reader.required_child(form)?;
     let distribution = distribution(form, &inner)?;
     Ok(Some(RadiusSpec::Distribution(match (form, by_mass) {
         ("rosin_rammler" | "sieves", Some(false)) => {
@@ -133,7 +130,7 @@ fn distribution(form: &str, inner: &Reader) -> Result<RadiusDistribution, SceneE
         return sieves(inner);
     }
     if form == "choice" {
-        let radii = inner.list("radii")?.ok_or_else(|| inner.missing("radii"))?;
+        let radii: Vec<f64> = inner.field("radii")?;
         let weights = inner.list("weights")?.unwrap_or_else(|| vec![1.0; radii.len()]);
         if weights.len() != radii.len() || radii.is_empty() {
             let requirement = format!("as many as the radii ({}), at least one", radii.len());
@@ -144,8 +141,8 @@ fn distribution(form: &str, inner: &Reader) -> Result<RadiusDistribution, SceneE
         }
         return Ok(RadiusDistribution::Choice { radii, weights });
     }
-    let min = inner.required("min")?;
-    let max = inner.required("max")?;
+    let min: f64 = inner.field("min")?;
+    let max: f64 = inner.field("max")?;
     if max < min {
         return Err(inner.out_of_range("max", &format!("at least min ({min} m)"), format!("{max} m")));
     }
@@ -163,24 +160,24 @@ fn distribution(form: &str, inner: &Reader) -> Result<RadiusDistribution, SceneE
     Ok(match form {
         "uniform" => RadiusDistribution::Uniform { min, max },
         "normal" => {
-            let mean = inner.required("mean")?;
+            let mean: f64 = inner.field("mean")?;
             inside("mean", mean)?;
-            let deviation = inner.required("deviation")?;
+            let deviation: f64 = inner.field("deviation")?;
             RadiusDistribution::Normal { mean, deviation, min, max }
         }
         "rosin_rammler" => {
-            let size = inner.required("size")?;
+            let size: f64 = inner.field("size")?;
             inside("size", size)?;
-            let spread = inner.required("spread")?;
+            let spread: f64 = inner.field("spread")?;
             if spread > MOST_SPREAD {
                 return Err(inner.out_of_range("spread", &format!("at most {MOST_SPREAD}"), spread));
             }
             RadiusDistribution::RosinRammler { size, spread, min, max }
         }
         _ => {
-            let median = inner.required("median")?;
+            let median: f64 = inner.field("median")?;
             inside("median", median)?;
-            let deviation = inner.required("deviation")?;
+            let deviation: f64 = inner.field("deviation")?;
             RadiusDistribution::Lognormal { median, deviation, min, max }
         }
     })
@@ -188,8 +185,8 @@ fn distribution(form: &str, inner: &Reader) -> Result<RadiusDistribution, SceneE
 
 /// A grading curve: openings are diameters, as sieves are named.
 fn sieves(inner: &Reader) -> Result<RadiusDistribution, SceneError> {
-    let openings = inner.list("openings")?.ok_or_else(|| inner.missing("openings"))?;
-    let passing = inner.list("passing")?.ok_or_else(|| inner.missing("passing"))?;
+    let openings: Vec<f64> = inner.field("openings")?;
+    let passing: Vec<f64> = inner.field("passing")?;
     if openings.len() < 2 || !openings.is_sorted_by(|a, b| a < b) {
         let requirement = "two or more, each larger than the one before";
         return Err(inner.out_of_range("openings", requirement, format!("{openings:?} m")));

@@ -219,6 +219,22 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// The one key that is given of the table's first group of alternatives.
+    pub fn which(&self) -> Result<&'static str, SceneError> {
+        self.one_of(self.table.alternatives[0])
+    }
+
+    /// The same with the table that it leads into.
+    pub fn form(&self) -> Result<(&'static str, Self), SceneError> {
+        let form = self.which()?;
+        Ok((form, self.required_child(form)?))
+    }
+
+    /// At most one key of each group of alternatives.
+    pub fn check_alternatives(&self) -> Result<(), SceneError> {
+        self.table.alternatives.iter().try_for_each(|group| self.at_most_one_of(group).map(|_| ()))
+    }
+
     /// At most one of the keys.
     pub fn at_most_one_of(&self, keys: &[&'static str]) -> Result<Option<&'static str>, SceneError> {
         if keys.iter().any(|key| self.get(key).is_some()) { self.one_of(keys).map(Some) } else { Ok(None) }
@@ -319,11 +335,6 @@ impl<'a> Reader<'a> {
         Ok(Some(if is_length { TurningResistance::Length(value) } else { TurningResistance::Ratio(value) }))
     }
 
-    /// A quantity in SI units that must be given.
-    pub fn required(&self, key: &str) -> Result<f64, SceneError> {
-        self.quantity(key)?.ok_or_else(|| self.missing(key))
-    }
-
     /// The items of a list, if the key is given.
     fn items(&self, key: &str) -> Result<Option<&'a [Node]>, SceneError> {
         match self.get(key) {
@@ -420,17 +431,16 @@ impl<'a> Reader<'a> {
 
     /// The function of time that this table says.
     fn sampled_function(&self, dimension: Dimension) -> Result<FunctionSpec, SceneError> {
-        let form = self.one_of(&["sinusoidal", "table", "file"])?;
-        let inner = self.required_child(form)?;
+        let (form, inner) = self.form()?;
         match form {
             "sinusoidal" => Ok(FunctionSpec::Profile(Profile::Sinusoidal {
-                amplitude: inner.required("amplitude")?,
-                period: inner.required("period")?,
-                phase: inner.quantity("phase")?.unwrap_or(0.0),
+                amplitude: inner.field("amplitude")?,
+                period: inner.field("period")?,
+                phase: inner.field("phase")?,
             })),
             "table" => {
-                let times = inner.list("times")?.ok_or_else(|| inner.missing("times"))?;
-                let values = inner.list("values")?.ok_or_else(|| inner.missing("values"))?;
+                let times: Vec<f64> = inner.field("times")?;
+                let values: Vec<f64> = inner.field("values")?;
                 if times.is_empty() || times.windows(2).any(|pair| pair[1] <= pair[0]) {
                     return Err(inner.out_of_range(
                         "times",
@@ -446,11 +456,11 @@ impl<'a> Reader<'a> {
             }
             _ => Ok(FunctionSpec::File {
                 file: FunctionFile {
-                    path: inner.path("path")?.ok_or_else(|| inner.missing("path"))?,
-                    time: inner.text("time")?.unwrap_or_else(|| "time".into()),
-                    value: inner.text("value")?.unwrap_or_else(|| "value".into()),
+                    path: inner.field("path")?,
+                    time: inner.field("time")?,
+                    value: inner.field("value")?,
                     dimension,
-                    location: inner.get("path").map_or(inner.location(), |node| &node.location).clone(),
+                    location: inner.location_of(&["path"]).clone(),
                 },
             }),
         }
@@ -499,11 +509,6 @@ impl<'a> Reader<'a> {
             0 if self.key(key).range == Range::Positive => Err(self.out_of_range(key, "at least 1", 0)),
             count => Ok(Some(count)),
         }
-    }
-
-    /// A whole number that must be given.
-    pub fn required_count(&self, key: &str) -> Result<u64, SceneError> {
-        self.count(key)?.ok_or_else(|| self.missing(key))
     }
 
     /// Three whole numbers from 1, if given.

@@ -43,8 +43,7 @@ impl Field for Region {
 
 /// The region that a table names: a box or a cylinder.
 pub(super) fn region(reader: &Reader) -> Result<Region, SceneError> {
-    let form = reader.one_of(&["box", "cylinder"])?;
-    let inner = reader.required_child(form)?;
+    let (form, inner) = reader.form()?;
     Ok(if form == "box" {
         let (min, max) = (inner.field::<Vec3>("min")?, inner.field("max")?);
         if !min.cmplt(max).all() {

@@ -117,8 +117,8 @@ const INERTIA: &[(&str, bool)] = &[("file", true), ("mended", false)];
 
 /// Reads a robot of the scene and its file.
 pub(super) fn read(name: &str, reader: &Reader) -> Result<Parts, SceneError> {
-    let path = reader.path("file")?.ok_or_else(|| reader.missing("file"))?;
-    let location = reader.get("file").map_or(reader.location(), |node| &node.location);
+    let path: PathBuf = reader.field("file")?;
+    let location = reader.location_of(&["file"]);
     let problem = |problem: FileProblem| problem.located(&path, location);
     let shapes = reader.choice("shapes", SHAPES)?.unwrap_or("collision");
     let robot = urdf::read(&read_file(&path, location)?, shapes).map_err(problem)?;
@@ -302,7 +302,7 @@ impl Import<'_> {
     }
 
     fn bodies(&self, material: &str) -> Result<Vec<(String, BodySpec)>, SceneError> {
-        let collide = self.reader.flag("self_collision")?.unwrap_or(false);
+        let collide: bool = self.reader.field("self_collision")?;
         let mut bodies: Vec<(String, BodySpec)> = Vec::new();
         let in_order =
             std::iter::once(self.robot.root).chain(self.robot.joints.iter().map(|joint| joint.child));
@@ -385,8 +385,7 @@ impl Import<'_> {
     }
 
     fn refuse(&self, problem: FileProblem) -> SceneError {
-        problem
-            .located(self.path, self.reader.get("file").map_or(self.reader.location(), |node| &node.location))
+        problem.located(self.path, self.reader.location_of(&["file"]))
     }
 
     /// A shape of a link of this number.

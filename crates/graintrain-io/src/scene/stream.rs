@@ -137,15 +137,15 @@ const MOST_BODIES: u64 = 100_000_000;
 
 /// Reads a stream of a scene.
 pub(super) fn read(reader: &Reader, default_seed: u64) -> Result<StreamSpec, SceneError> {
-    reader.at_most_one_of(&["rate", "mass_rate"])?;
+    reader.check_alternatives()?;
     let spec = StreamSpec {
-        region: region(&reader.required_child("region")?)?,
+        region: reader.field("region")?,
         grains: grains(reader)?,
         rate: reader.quantity("rate")?,
         mass_rate: reader.quantity("mass_rate")?,
         count: reader.count("count")?,
         mass: reader.quantity("mass")?,
-        start: reader.quantity("start")?.unwrap_or(0.0),
+        start: reader.field("start")?,
         end: reader.quantity("end")?,
         stage: names::stage(reader, "stage")?,
         seed: reader.count("seed")?.unwrap_or(default_seed),
@@ -174,8 +174,7 @@ pub(super) fn read(reader: &Reader, default_seed: u64) -> Result<StreamSpec, Sce
 
 /// Reads an outlet.
 pub(super) fn read_outlet(reader: &Reader) -> Result<OutletSpec, SceneError> {
-    let form = reader.one_of(&["behind", "outside", "inside"])?;
-    let inner = reader.required_child(form)?;
+    let (form, inner) = reader.form()?;
     let exit = match form {
         "behind" => ExitSpec::Behind(PlaneSpec::read(&inner)?),
         "outside" => ExitSpec::Outside(region(&inner)?),

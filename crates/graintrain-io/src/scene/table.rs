@@ -76,6 +76,7 @@ macro_rules! fields {
 
 fields! {
     f64: quantity,
+    Vec<f64>: list,
     u64: count,
     [u64; 3]: counts,
     bool: flag,
@@ -220,9 +221,7 @@ macro_rules! table {
             fn read(
                 reader: &$crate::scene::reader::Reader,
             ) -> Result<Self, $crate::scene::error::SceneError> {
-                for group in reader.table.alternatives {
-                    reader.at_most_one_of(group)?;
-                }
+                reader.check_alternatives()?;
                 let spec = Self {
                     $($field: table!(@value reader, stringify!($field) $(, $read)?),)+
                     $($location: reader.location_of(&[$($(stringify!($place)),+)?]).clone(),)?

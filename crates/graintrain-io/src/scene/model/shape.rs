@@ -5,7 +5,7 @@ use super::super::reader::Reader;
 use super::super::schema::{D, Key, Kind, Range, Table, key};
 use super::super::table::{Field, Spec, table};
 use graintrain::math::Vec3;
-use graintrain::shape::{Length, Lengths, Shape};
+use graintrain::shape::{Lengths, Shape};
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -221,14 +221,9 @@ impl Field for ShapeSpec {
 }
 
 fn shape(reader: &Reader) -> Result<ShapeSpec, SceneError> {
-    let form = reader.one_of(SHAPE_NAMES)?;
-    let inner = reader.required_child(form)?;
+    let (form, inner) = reader.form()?;
     if let Some(form) = Shape::BY_LENGTHS.iter().find(|lengths| lengths.name == form) {
-        let length = |length: &Length| match inner.quantity(length.name)? {
-            None if length.is_required => Err(inner.missing(length.name)),
-            given => Ok(given.unwrap_or(0.0)),
-        };
-        let lengths = form.lengths.iter().map(length).collect::<Result<_, _>>()?;
+        let lengths = form.lengths.iter().map(|length| inner.field(length.name)).collect::<Result<_, _>>()?;
         return Ok(ShapeSpec::Lengths(LengthsSpec { form, lengths }));
     }
     Ok(match form {
@@ -248,7 +243,7 @@ impl Field for Vec<Vec3> {
 }
 
 fn is_hull(hull: &HullSpec, reader: &Reader) -> Result<(), SceneError> {
-    reader.one_of(&["file", "points"])?;
+    reader.which()?;
     if hull.scale.to_array().contains(&0.0) {
         return Err(reader.out_of_range("scale", "a factor other than zero", hull.scale));
     }
@@ -259,7 +254,7 @@ fn is_hull(hull: &HullSpec, reader: &Reader) -> Result<(), SceneError> {
 }
 
 fn is_mesh(_: &MeshSpec, reader: &Reader) -> Result<(), SceneError> {
-    reader.one_of(&["file", "vertices"]).map(|_| ())
+    reader.which().map(|_| ())
 }
 
 /// The triangles of a mesh whose vertices the scene gives.

@@ -3,18 +3,17 @@
 //! Schema, and a test holds `docs/scenes.md` against them.
 
 pub(super) mod function;
-pub(super) mod periodic;
 
 use super::joint::JointSpec;
 use super::measure::MEASURE;
 use super::model::{BODY, ContactSpec, LoadSpec, MaterialSpec, OutputSpec, PACKING, PairSpec, TIME};
+use super::periodic::PERIODIC;
 use super::quantity::Dimension;
 use super::robot::ROBOT;
 use super::solver::SOLVER;
 use super::stage::STAGE;
 use super::stream::{OUTLET, STREAM};
 use super::table::{Spec, table};
-use periodic::PERIODIC;
 
 /// What a key holds.
 #[derive(Clone, Copy, Debug)]
@@ -153,7 +152,7 @@ impl Key {
     }
 
     /// The same key whose text is one of these.
-    const fn one_of(self, choices: fn() -> Vec<&'static str>) -> Self {
+    pub(super) const fn one_of(self, choices: fn() -> Vec<&'static str>) -> Self {
         Self { choices, ..self }
     }
 }
