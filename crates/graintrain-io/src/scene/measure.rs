@@ -67,20 +67,24 @@ table! {
         /// Sum of contact forces and torques on some bodies, also walls; with a region only of contacts in it
         force: Option<ForceSpec> = Table(ForceSpec::TABLE), "none", "{ bodies = [\"floor\"] }";
         /// Mass and bodies that cross a plane (with a region only inside it), and the force through it
-        plane: Option<PlaneSpec> = Table(PlaneSpec::TABLE), "none", "{ point = [0, 0, 0], normal = [0, 0, -1] }";
+        plane: Option<PlaneSpec> = Table(PlaneSpec::TABLE), "none",
+            "{ point = [0, 0, 0], normal = [0, 0, -1] }";
         /// Bodies, mass and kinetic energy that entered through all streams (and by growth) and left through
         /// all outlets
         #[serde(skip_serializing_if = "std::ops::Not::not")]
         exchange: bool = Flag, "false", "true";
         /// Lacey's mixing index
-        mixing: Option<MixingSpec> = Table(MixingSpec::TABLE), "none", "{ packings = [\"red\"], cell = \"3 cm\" }";
+        mixing: Option<MixingSpec> = Table(MixingSpec::TABLE), "none",
+            "{ packings = [\"red\"], cell = \"3 cm\" }";
         /// Shear and normal stress, their ratio, displacement and dilation of a shear box
         shear_box: Option<ShearBoxSpec> = Table(ShearBoxSpec::TABLE), "none",
             "{ sheared = \"lower\", pressing = \"press\", area = 0.04 }";
         /// Slip, sinkage, drawbar pull, load and torque of a wheel; the selected bodies are the soil bed
-        wheel: Option<WheelSpec> = Table(WheelSpec::TABLE), "none", "{ body = \"wheel\", radius = \"10 cm\" }";
+        wheel: Option<WheelSpec> = Table(WheelSpec::TABLE), "none",
+            "{ body = \"wheel\", radius = \"10 cm\" }";
         /// Angle of repose of a heap
-        repose: Option<ReposeSpec> = Table(ReposeSpec::TABLE), "none", "{ along = \"radius\", width = \"1 cm\" }";
+        repose: Option<ReposeSpec> = Table(ReposeSpec::TABLE), "none",
+            "{ along = \"radius\", width = \"1 cm\" }";
         /// Density, velocity and temperature in bins; the only key of its table, a record per bin
         profile: Option<ProfileSpec> = Table(ProfileSpec::TABLE), "none",
             "{ along = \"z\", from = 0, to = \"20 cm\", bins = 20 }";

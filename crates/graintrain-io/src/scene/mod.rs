@@ -8,7 +8,7 @@
 //! | module | holds |
 //! |---|---|
 //! | `table` | the macro that declares a table once: its struct, its keys and what reads it |
-//! | [`schema`] | every key, its kind, range, choices, default and meaning |
+//! | [`schema`] | what is known of every key: kind, range, choices, default and meaning |
 //! | `json_schema` | the same for editors |
 //! | [`mod@quantity`] | units and dimensions |
 //! | `expression`, `parameters` | arithmetic with units and named values |
@@ -16,7 +16,7 @@
 //! | [`model`] | the parts of a [`Scene`] |
 //! | `packing`, `mesh_file` | packings made here or read from files; meshes |
 //! | `robot` | URDF files as bodies and joints |
-//! | `measure`, `stage`, `stream`, `periodic` | measurements, stages, ways in and out for bodies, cells that repeat |
+//! | `joint`, `stage`, `measure`, `stream`, `periodic`, `region`, `radius`, `solver` | these tables |
 //! | `build` | from [`Scene`] to [`Simulation`] |
 //! | [`builtin`] | the built-in scenes |
 //! | [`error`] | what can be wrong, and where |

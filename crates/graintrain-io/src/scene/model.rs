@@ -114,7 +114,9 @@ fn share(reader: &Reader, key: &str, parts: u64) -> Result<f64, SceneError> {
 }
 
 table! {
-    pub(super) static BODY: "`[body.NAME]`", at most one of ["shape", "parts"], at most one of ["mass", "density"] {
+    pub(super) static BODY: "`[body.NAME]`",
+        at most one of ["shape", "parts"],
+        at most one of ["mass", "density"] {
         /// Shape
         shape = Table(&SHAPE), "one of shape, parts", "{ sphere = { radius = \"1 cm\" } }";
         /// Several shapes in one rigid body; overlapping volume counts once. `[]`: a body without contacts,
@@ -202,7 +204,9 @@ table! {
 }
 
 table! {
-    pub(super) static ROTATION: "`rotation`", at most one of ["angle", "quaternion"], at most one of ["axis", "quaternion"] {
+    pub(super) static ROTATION: "`rotation`",
+        at most one of ["angle", "quaternion"],
+        at most one of ["axis", "quaternion"] {
         /// Axis; any length
         axis = Direction, "[0, 0, 1]", "[0, 1, 0]";
         /// Angle about it

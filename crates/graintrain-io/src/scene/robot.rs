@@ -55,7 +55,10 @@ table! {
 }
 
 table! {
-    static ROBOT_JOINT: "`[robot.NAME.joint.NAME]`", at most one of ["angle", "slide"], at most one of ["motor", "actuator"], at most one of ["torsion_spring", "spring"] {
+    static ROBOT_JOINT: "`[robot.NAME.joint.NAME]`",
+        at most one of ["angle", "slide"],
+        at most one of ["motor", "actuator"],
+        at most one of ["torsion_spring", "spring"] {
         /// Initial angle in the URDF convention
         angle = Quantity(D::ANGLE), "0, or the limit nearest to it", "\"30 deg\"";
         /// Initial displacement in the URDF convention

@@ -13,7 +13,9 @@ use graintrain::load::Region;
 use serde::Serialize;
 
 table! {
-    pub(super) static STREAM: "`[stream.NAME]`", at most one of ["radius", "shape", "parts"], at most one of ["rate", "mass_rate"] {
+    pub(super) static STREAM: "`[stream.NAME]`",
+        at most one of ["radius", "shape", "parts"],
+        at most one of ["rate", "mass_rate"] {
         /// Bodies enter completely inside, at random positions without overlap; if there is none, the
         /// insertion is delayed
         region = Table(&REGION), "required",

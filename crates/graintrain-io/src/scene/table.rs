@@ -1,5 +1,6 @@
-//! Tables of scenes, each declared once: [`table!`] makes of one declaration the struct of the resolved scene,
-//! the keys of the schema (with those the documentation and the JSON Schema) and the function that reads it.
+//! Tables of scenes, each declared once: [`table!`] makes of one declaration the struct of the resolved
+//! scene, the keys of the schema (with those the documentation and the JSON Schema) and the function that
+//! reads it.
 
 use super::error::SceneError;
 use super::reader::Reader;
@@ -140,7 +141,7 @@ impl<T: Spec> Field for Vec<T> {
 /// - its name and type, a [`Field`] unless a function reads it, which also says what texts it may hold,
 /// - what it holds, a [`Kind`](super::schema::Kind),
 /// - its default: a value in TOML, perhaps with an explanation after a colon, or `required`; or a sentence,
-///   where the type is an `Option`, or a function reads the key,
+///   where the type is an `Option` or a list, or a function reads the key,
 /// - an example in TOML,
 /// - perhaps the [`Range`](super::schema::Range) of its numbers,
 /// - perhaps the function that reads it, `=> FUNCTION`, a `fn(&Reader, &str) -> Result<TYPE, SceneError>`.
@@ -242,10 +243,12 @@ macro_rules! table {
     };
     (
         $(#[$attribute:meta])*
-        $visibility:vis static $name:ident: $heading:literal $(, at most one of [$($alternative:literal),+])* {
+        $visibility:vis static $name:ident: $heading:literal
+        $(, at most one of [$($alternative:literal),+])* {
             $(
                 $(#[doc = $about:literal])+
-                $key:ident = $kind:expr, $default:literal, $example:literal $(in $choices:path)? $(, $range:ident)?;
+                $key:ident = $kind:expr, $default:literal, $example:literal $(in $choices:path)?
+                $(, $range:ident)?;
             )+
         }
     ) => {

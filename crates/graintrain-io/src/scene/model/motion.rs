@@ -22,7 +22,8 @@ table! {
         translation: Vec<TranslationSpec> = Tables(TranslationSpec::TABLE), "[]",
             "[{ direction = [1, 0, 0], speed = \"1 cm/s\" }]";
         /// Prescribed rotation about an axis that moves with the body, or through a point fixed in the world
-        rotation: Option<SpinSpec> = Table(SpinSpec::TABLE), "none", "{ axis = [0, 0, 1], speed = \"12 rpm\" }";
+        rotation: Option<SpinSpec> = Table(SpinSpec::TABLE), "none",
+            "{ axis = [0, 0, 1], speed = \"12 rpm\" }";
     }
 }
 

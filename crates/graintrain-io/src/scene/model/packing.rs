@@ -14,7 +14,9 @@ use serde::{Serialize, Serializer};
 use std::path::PathBuf;
 
 table! {
-    pub(in crate::scene) static PACKING: "`[packing.NAME]`", at most one of ["lattice", "drop", "poisson", "file"], at most one of ["radius", "shape", "parts"] {
+    pub(in crate::scene) static PACKING: "`[packing.NAME]`",
+        at most one of ["lattice", "drop", "poisson", "file"],
+        at most one of ["radius", "shape", "parts"] {
         /// Bodies on a perturbed cubic lattice
         lattice = Table(LatticeSpec::TABLE), "one of lattice, drop, poisson, file",
             "{ counts = [9, 9, 9], pitch = 0.23 }";
@@ -167,7 +169,8 @@ table! {
         /// folder
         path: PathBuf = Text, "required", "\"pile.vtu\"";
         /// vtk, csv, table, lammps, xyz, yade or mercury
-        format: PackingFormat = Text, "from the file extension", "\"lammps\"" in PackingFormat::NAMES => format;
+        format: PackingFormat = Text,
+            "from the file extension", "\"lammps\"" in PackingFormat::NAMES => format;
         /// Frame of a file with several, counted from 0: lammps, xyz, mercury
         frame: Option<u64> = Count, "the last", "0";
         /// Number of lines to omit at the end

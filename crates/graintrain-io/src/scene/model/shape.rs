@@ -76,7 +76,10 @@ table! {
 
 table! {
     /// Triangles from a file or written in the scene.
-    pub struct MeshSpec: "`shape.mesh`", at most one of ["file", "vertices"], at most one of ["file", "triangles"], checked by is_mesh {
+    pub struct MeshSpec: "`shape.mesh`",
+        at most one of ["file", "vertices"],
+        at most one of ["file", "triangles"],
+        checked by is_mesh {
         /// STL, OBJ, COLLADA, or a table of nine coordinates per triangle
         file: Option<PathBuf> = Text, "one of file, vertices", "\"hopper.stl\"";
         /// Vertices

@@ -1,6 +1,7 @@
-//! Every key of a scene: its kind, range, choices, default and meaning. The reader checks keys and values
-//! against these tables, `--set` finds alternatives in them, `graintrain schema` prints them as a JSON
-//! Schema, and a test holds `docs/scenes.md` against them.
+//! What is known of every key of a scene: its kind, range, choices, default and meaning. The reader checks
+//! keys and values against the tables below [`SCENE`], `--set` finds alternatives in them, `graintrain
+//! schema` prints them as a JSON Schema, and a test holds `docs/scenes.md` against them. Each table is
+//! declared, by the macro `table!`, where it is read.
 
 pub(super) mod function;
 
