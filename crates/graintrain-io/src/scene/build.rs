@@ -207,7 +207,7 @@ impl Scene {
             vectors.chain(pressure.iter_mut().map(|pressure| &mut pressure.stress))
         });
         let stages = self.stages.iter_mut().flat_map(|stage| {
-            let speeds = stage.bodies.iter_mut().flat_map(|(_, body)| {
+            let speeds = stage.body.iter_mut().flat_map(|(_, body)| {
                 let MotionSpec { translation, rotation, .. } = &mut body.motion;
                 let speeds = translation.iter_mut().map(|item| &mut item.speed);
                 speeds.chain(rotation.iter_mut().map(|spin| &mut spin.speed))

@@ -5,42 +5,21 @@ use super::error::{SceneError, SceneErrorKind};
 use super::joint::{self, JointSpec};
 use super::measure;
 use super::model::*;
+use super::names::{self, Names};
 use super::parameters::Parameters;
 use super::periodic;
 use super::radius::radius;
 use super::reader::{Context, Reader};
+use super::region::region;
 use super::robot;
-use super::schema;
 use super::solver;
 use super::stage::{self, StageSpec};
 use super::stream;
-use super::tree::{Node, Value};
+use super::table::Spec;
+use super::tree::Node;
 use crate::files::is_file_name;
-use crate::settings::Precision;
-use graintrain::assemble::OverlapCorrection;
-use graintrain::load::Region;
-use graintrain::material::{MOST_COHESION, TurningResistance};
 use graintrain::math::{Quat, Vec3};
-use graintrain::motion::Axes;
-use graintrain::shape::{Length, Shape};
 use std::path::PathBuf;
-
-/// How overlap is removed.
-pub(super) const OVERLAP: &[(&str, OverlapCorrection)] =
-    &[("position", OverlapCorrection::Position), ("velocity", OverlapCorrection::Velocity)];
-
-/// Numbers of frames.
-pub(super) const PRECISIONS: &[(&str, Precision)] =
-    &[("single", Precision::Single), ("double", Precision::Double)];
-
-/// Motions without a table, and whether the body is fixed.
-pub(super) const MOTIONS: &[(&str, bool)] = &[("free", false), ("fixed", true)];
-
-/// Axes of forces and torques.
-pub(super) const AXES: &[(&str, Axes)] = &[("world", Axes::World), ("body", Axes::Body)];
-
-/// Name of the material of scenes that declare none.
-const DEFAULT_MATERIAL: &str = "default";
 
 /// Seeds of streams begin so far behind that of the scene: packings have the first ones.
 const STREAM_SEEDS: u64 = 1000;
@@ -56,28 +35,25 @@ fn seed_behind(seed: u64, places: u64) -> u64 {
 
 /// Reads a scene from its tree. Relative paths start at `folder`.
 pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, SceneError> {
-    let context = Context { parameters: Parameters::new(root.get("parameters"), &folder)?, folder };
-    let scene = Reader::new(&context, root, String::new(), &schema::SCENE)?;
+    let parameters = Parameters::new(root.get("parameters"), &folder)?;
+    let mut context = Context { parameters, folder, names: Names::default(), time: TimeSpec::default() };
+    context.names = Names::of(&Reader::of_scene(&context, root)?)?;
+    let scene = Reader::of_scene(&context, root)?;
     let time = time(&scene.required_child("time")?)?;
-    let seed = scene.count("seed")?.unwrap_or(1);
-    let mut materials = scene
-        .named("material")?
-        .into_iter()
-        .map(|(name, reader)| Ok((name, material(Some(&reader))?)))
-        .collect::<Result<Vec<_>, SceneError>>()?;
+    let seed: u64 = scene.field("seed")?;
+    let mut materials: Vec<(String, MaterialSpec)> = scene.field("material")?;
     if materials.is_empty() {
-        materials.push((DEFAULT_MATERIAL.to_string(), material(None)?));
+        materials.push((names::DEFAULT_MATERIAL.to_string(), scene.defaults()?));
     }
-    let names: Vec<&str> = materials.iter().map(|(name, _)| name.as_str()).collect();
-    let pairs = pairs(&scene, &names)?;
+    let pairs = pairs(&scene)?;
     let mut bodies: Vec<(String, BodySpec)> = Vec::new();
     for (name, reader) in scene.named("body")? {
-        let spec = body(&reader, &names, &bodies)?;
+        let spec = body(&reader, &bodies)?;
         bodies.push((name, spec));
     }
     let mut joints: Vec<(String, JointSpec)> = Vec::new();
     for (name, reader) in scene.named("robot")? {
-        let robot = robot::read(&name, &reader, &names)?;
+        let robot = robot::read(&name, &reader)?;
         let is_known = |(new, _): &&(String, BodySpec)| bodies.iter().any(|(name, _)| name == new);
         if let Some((twice, _)) = robot.bodies.iter().find(is_known) {
             let problem = format!("there are two bodies `{twice}`: call the robot or the body otherwise");
@@ -86,57 +62,41 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         bodies.extend(robot.bodies);
         joints.extend(robot.joints);
     }
+    context.time = time.clone();
+    context.names.bodies = bodies.iter().map(|(name, _)| name.clone()).collect();
+    let scene = Reader::of_scene(&context, root)?;
     let packings = scene
         .named("packing")?
         .into_iter()
         .enumerate()
-        .map(|(index, (name, reader))| Ok((name, packing(&reader, &names, seed_behind(seed, index as u64))?)))
+        .map(|(index, (name, reader))| Ok((name, packing(&reader, seed_behind(seed, index as u64))?)))
         .collect::<Result<Vec<_>, SceneError>>()?;
-    let body_names: Vec<&str> = bodies.iter().map(|(name, _): &(String, BodySpec)| name.as_str()).collect();
-    let packing_names: Vec<&str> =
-        packings.iter().map(|(name, _): &(String, PackingSpec)| name.as_str()).collect();
-    let loads = scene
-        .named("load")?
-        .into_iter()
-        .map(|(name, reader)| Ok((name, load(&reader, &body_names, &packing_names)?)))
-        .collect::<Result<Vec<_>, SceneError>>()?;
+    let loads = scene.field("load")?;
     for (name, reader) in scene.named("joint")? {
         if joints.iter().any(|(known, _)| *known == name) {
             let problem = format!("there are two joints `{name}`, one of a robot: call this one otherwise");
             return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
         }
-        let spec = joint::read(&reader, &body_names, &joints)?;
+        let spec = joint::read(&reader, &joints)?;
         joints.push((name, spec));
     }
-    let material_names: Vec<&str> = names.clone();
-    let load_names: Vec<&str> = loads.iter().map(|(name, _): &(String, LoadSpec)| name.as_str()).collect();
-    let named_streams = scene.named("stream")?;
-    let stream_names: Vec<&str> = named_streams.iter().map(|(name, _)| name.as_str()).collect();
-    let named_measures = scene.named("measure")?;
-    let measure_names: Vec<&str> = named_measures.iter().map(|(name, _)| name.as_str()).collect();
-    let names = stage::Names {
-        materials: &material_names,
-        bodies: &body_names,
-        loads: &load_names,
-        packings: &packing_names,
-        streams: &stream_names,
-        measures: &measure_names,
-    };
     let periodic = scene.child("periodic")?.map(|reader| periodic::read(&reader)).transpose()?;
-    let stages = stage::read(&scene, &names)?;
+    let stages = stage::read(&scene)?;
     let drives = |stage: &&StageSpec| stage.periodic.is_some() && periodic.is_none();
     if let Some(stage) = stages.iter().find(drives) {
         let problem =
             format!("the stage `{}` drives a periodic cell, but there is none: add `[periodic]`", stage.name);
         return Err(SceneError::at(SceneErrorKind::Contradiction(problem), &stage.location));
     }
-    let stage_names: Vec<&str> = stages.iter().map(|stage: &StageSpec| stage.name.as_str()).collect();
-    let streams = named_streams
-        .iter()
+    context.names.stages = stages.iter().map(|stage: &StageSpec| stage.name.clone()).collect();
+    let scene = Reader::of_scene(&context, root)?;
+    let streams = scene
+        .named("stream")?
+        .into_iter()
         .enumerate()
         .map(|(index, (name, reader))| {
             let seed = seed_behind(seed, STREAM_SEEDS + index as u64);
-            Ok((name.clone(), stream::read(reader, &material_names, &stage_names, seed)?))
+            Ok((name, stream::read(&reader, seed)?))
         })
         .collect::<Result<Vec<_>, SceneError>>()?;
     let outlets = scene
@@ -144,22 +104,16 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         .into_iter()
         .map(|(name, reader)| Ok((name, stream::read_outlet(&reader)?)))
         .collect::<Result<Vec<_>, SceneError>>()?;
-    let names = measure::Names {
-        bodies: &body_names,
-        packings: &packing_names,
-        streams: &stream_names,
-        stages: &stage_names,
-    };
-    let measures = named_measures
-        .iter()
+    let measures = scene
+        .named("measure")?
+        .into_iter()
         .map(|(name, reader)| {
             // The name is that of a file.
-            if !is_file_name(name) {
+            if !is_file_name(&name) {
                 let requirement = "a name of letters, digits, `-`, `_` and `.`, which is that of a file";
                 return Err(scene.out_of_range("measure", requirement, format!("`{name}`")));
             }
-            let spec = measure::read(reader, time.step, &names)?;
-            Ok((name.clone(), spec))
+            Ok((name, measure::read(&reader)?))
         })
         .collect::<Result<Vec<_>, SceneError>>()?;
     stage::check_ends(&stages, &streams, &measures)?;
@@ -167,12 +121,12 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         name: name.to_string(),
         title: scene.text("title")?.unwrap_or_else(|| name.to_string()),
         seed,
-        gravity: scene.functions("gravity")?.unwrap_or([0.0, 0.0, -9.81].map(FunctionSpec::constant)),
+        gravity: scene.field("gravity")?,
         parameters: context.parameters.listing(),
-        contact: contact(scene.child("contact")?)?,
+        contact: scene.field_or_defaults("contact")?,
         periodic,
         solver: solver::read(scene.child("solver")?)?,
-        output: output(scene.child("output")?, &time)?,
+        output: scene.field_or_defaults("output")?,
         time,
         materials,
         pairs,
@@ -188,11 +142,11 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
 }
 
 fn time(reader: &Reader) -> Result<TimeSpec, SceneError> {
-    let step = reader.required("step")?;
-    let steps = match reader.one_of(&["end", "steps"])? {
-        "steps" => reader.required_count("steps")?,
+    let step: f64 = reader.field("step")?;
+    let steps = match reader.which()? {
+        "steps" => reader.field("steps")?,
         _ => {
-            let end = reader.required("end")?;
+            let end: f64 = reader.field("end")?;
             let ratio = end / step;
             if ratio > MOST_STEPS {
                 return Err(reader.out_of_range("end", "at most 1e12 steps", format!("{ratio:.3e} steps")));
@@ -204,162 +158,33 @@ fn time(reader: &Reader) -> Result<TimeSpec, SceneError> {
     Ok(TimeSpec { step, steps })
 }
 
-fn contact(reader: Option<Reader>) -> Result<ContactSpec, SceneError> {
-    let mut spec = ContactSpec {
-        envelope: None,
-        allowed_overlap: None,
-        relax: false,
-        overlap: OverlapCorrection::Position,
-        friction_rule: PairRule::Minimum,
-        restitution_rule: PairRule::Minimum,
-    };
-    if let Some(reader) = reader {
-        spec.envelope = reader.quantity("envelope")?;
-        spec.allowed_overlap = reader.quantity("allowed_overlap")?;
-        spec.relax = reader.flag("relax")?.unwrap_or(false);
-        spec.overlap = reader.choice("overlap", OVERLAP)?.unwrap_or(spec.overlap);
-        spec.friction_rule = reader.choice("friction_rule", PairRule::NAMES)?.unwrap_or(spec.friction_rule);
-        spec.restitution_rule =
-            reader.choice("restitution_rule", PairRule::NAMES)?.unwrap_or(spec.restitution_rule);
-    }
-    Ok(spec)
-}
-
-fn output(reader: Option<Reader>, time: &TimeSpec) -> Result<OutputSpec, SceneError> {
-    let whole = |fraction: u64| (time.steps / fraction).max(1) as f64 * time.step;
-    let mut spec = OutputSpec {
-        every: whole(100),
-        bodies: true,
-        contacts: true,
-        precision: Precision::Single,
-        checkpoint_every: whole(10),
-    };
-    if let Some(reader) = reader {
-        spec.every = reader.quantity("every")?.unwrap_or(spec.every);
-        spec.bodies = reader.flag("bodies")?.unwrap_or(spec.bodies);
-        spec.contacts = reader.flag("contacts")?.unwrap_or(spec.contacts);
-        spec.precision = reader.choice("precision", PRECISIONS)?.unwrap_or(spec.precision);
-        spec.checkpoint_every = reader.quantity("checkpoint_every")?.unwrap_or(spec.checkpoint_every);
-    }
-    Ok(spec)
-}
-
-fn material(reader: Option<&Reader>) -> Result<MaterialSpec, SceneError> {
-    let mut spec = MaterialSpec {
-        density: 1000.0,
-        friction: 0.25,
-        restitution: 0.0,
-        rolling_friction: TurningResistance::NONE,
-        spinning_friction: TurningResistance::NONE,
-        stiffness: 0.0,
-        damping: 0.0,
-        cohesion: 0.0,
-    };
-    if let Some(reader) = reader {
-        spec.density = reader.quantity("density")?.unwrap_or(spec.density);
-        spec.friction = reader.quantity("friction")?.unwrap_or(spec.friction);
-        spec.restitution = reader.quantity("restitution")?.unwrap_or(spec.restitution);
-        spec.rolling_friction = reader.resistance("rolling_friction")?.unwrap_or(spec.rolling_friction);
-        spec.spinning_friction = reader.resistance("spinning_friction")?.unwrap_or(spec.spinning_friction);
-        spec.stiffness = reader.quantity("stiffness")?.unwrap_or(spec.stiffness);
-        spec.damping = reader.quantity("damping")?.unwrap_or(spec.damping);
-        spec.cohesion = cohesion(reader)?.unwrap_or(spec.cohesion);
-        check_elasticity(reader, spec.stiffness, spec.damping, spec.restitution)?;
-    }
-    Ok(spec)
-}
-
-/// A pull, if given.
-fn cohesion(reader: &Reader) -> Result<Option<f64>, SceneError> {
-    match reader.quantity("cohesion")? {
-        Some(force) if force > MOST_COHESION => Err(reader.out_of_range(
-            "cohesion",
-            &format!("at most {MOST_COHESION:e} N"),
-            format!("{force:e}"),
-        )),
-        force => Ok(force),
-    }
-}
-
-/// Damping needs a stiffness, and a stiffness rebounds by itself.
-fn check_elasticity(
-    reader: &Reader,
-    stiffness: f64,
-    damping: f64,
-    restitution: f64,
-) -> Result<(), SceneError> {
-    if stiffness == 0.0 && damping > 0.0 {
-        return Err(reader.out_of_range("damping", "0 without a `stiffness`", damping));
-    }
-    if stiffness > 0.0 && restitution > 0.0 {
-        let requirement = "0 with a `stiffness`, which rebounds by itself: give it `damping`";
-        return Err(reader.out_of_range("restitution", requirement, restitution));
-    }
-    Ok(())
-}
-
-fn pairs(scene: &Reader, materials: &[&str]) -> Result<Vec<PairSpec>, SceneError> {
+fn pairs(scene: &Reader) -> Result<Vec<PairSpec>, SceneError> {
     let mut pairs: Vec<PairSpec> = Vec::new();
     for reader in scene.tables("pair")? {
-        let names = reader.texts("materials")?.ok_or_else(|| reader.missing("materials"))?;
-        let names: [String; 2] = names
-            .try_into()
-            .map_err(|names: Vec<String>| reader.out_of_range("materials", "two names", names.len()))?;
-        for name in &names {
-            if !materials.contains(&name.as_str()) {
-                return Err(reader.unknown_name("materials", "material", name, materials.iter().copied()));
-            }
-        }
-        let same = |pair: &&PairSpec| {
-            let [first, second] = &pair.materials;
-            names == pair.materials || (names[0] == *second && names[1] == *first)
-        };
-        if pairs.iter().find(same).is_some() {
-            let problem = format!("the pair {} and {} is given twice", names[0], names[1]);
+        let pair = PairSpec::read(&reader)?;
+        let [first, second] = &pair.materials;
+        let swapped = [second.clone(), first.clone()];
+        if pairs.iter().any(|known| known.materials == pair.materials || known.materials == swapped) {
+            let problem = format!("the pair {first} and {second} is given twice");
             return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
-        }
-        let pair = PairSpec {
-            materials: names,
-            friction: reader.quantity("friction")?,
-            restitution: reader.quantity("restitution")?,
-            rolling_friction: reader.resistance("rolling_friction")?,
-            spinning_friction: reader.resistance("spinning_friction")?,
-            stiffness: reader.quantity("stiffness")?,
-            damping: reader.quantity("damping")?,
-            cohesion: cohesion(&reader)?,
-            location: reader.location().clone(),
-        };
-        if let Some(stiffness) = pair.stiffness {
-            let [damping, restitution] = [pair.damping, pair.restitution].map(Option::unwrap_or_default);
-            check_elasticity(&reader, stiffness, damping, restitution)?;
         }
         pairs.push(pair);
     }
     Ok(pairs)
 }
 
-/// The material that a body or packing names; the only one where it names none.
-pub(super) fn material_name(reader: &Reader, materials: &[&str]) -> Result<String, SceneError> {
-    match (reader.text("material")?, materials) {
-        (Some(name), _) if materials.contains(&name.as_str()) => Ok(name),
-        (Some(name), _) => Err(reader.unknown_name("material", "material", &name, materials.iter().copied())),
-        (None, [only]) => Ok(only.to_string()),
-        (None, _) => Err(reader.missing("material")),
-    }
-}
-
 /// Reads a body; `known` are those above it.
-fn body(reader: &Reader, materials: &[&str], known: &[(String, BodySpec)]) -> Result<BodySpec, SceneError> {
-    let parts = match reader.one_of(&["shape", "parts"])? {
+fn body(reader: &Reader, known: &[(String, BodySpec)]) -> Result<BodySpec, SceneError> {
+    let parts = match reader.which()? {
         "shape" => vec![PartSpec {
-            shape: shape(&reader.required_child("shape")?)?,
+            shape: reader.field("shape")?,
             position: Vec3::ZERO,
             rotation: RotationSpec(Quat::IDENTITY),
         }],
-        _ => reader.tables("parts")?.iter().map(part).collect::<Result<Vec<_>, _>>()?,
+        _ => reader.field("parts")?,
     };
-    reader.at_most_one_of(&["mass", "density"])?;
-    let position = reader.vector("position")?.unwrap_or(Vec3::ZERO);
+    reader.check_alternatives()?;
+    let position = reader.field("position")?;
     let inertia = reader.vector("inertia")?;
     if inertia.is_some() && reader.get("mass").is_none() {
         return Err(reader.missing("mass"));
@@ -369,7 +194,7 @@ fn body(reader: &Reader, materials: &[&str], known: &[(String, BodySpec)]) -> Re
         return Err(reader.missing("inertia"));
     }
     let boundary = parts.iter().any(|part| part.shape.is_boundary());
-    let motion = motion(reader, boundary)?;
+    let motion = MotionSpec::of_body(reader, boundary)?;
     let above: Vec<&str> = known.iter().map(|(name, _)| name.as_str()).collect();
     if boundary && inertia.is_none() && motion.free != [false; 6] {
         let problem = format!(
@@ -380,266 +205,35 @@ fn body(reader: &Reader, materials: &[&str], known: &[(String, BodySpec)]) -> Re
     }
     Ok(BodySpec {
         parts,
-        material: material_name(reader, materials)?,
+        material: names::material(reader)?,
         position,
-        rotation: rotation(reader)?,
-        velocity: reader.vector("velocity")?.unwrap_or(Vec3::ZERO),
-        angular_velocity: reader.vector("angular_velocity")?.unwrap_or(Vec3::ZERO),
+        rotation: reader.field("rotation")?,
+        velocity: reader.field("velocity")?,
+        angular_velocity: reader.field("angular_velocity")?,
         mass: reader.quantity("mass")?,
         inertia,
         products,
         centre,
         density: reader.quantity("density")?,
         motion,
-        ignores: names_of(reader, "ignores", "body above this one", &above)?,
+        ignores: names::list(reader, "ignores", "body above this one", &above)?,
         location: reader.location().clone(),
     })
 }
 
-pub(super) fn part(reader: &Reader) -> Result<PartSpec, SceneError> {
-    Ok(PartSpec {
-        shape: shape(&reader.required_child("shape")?)?,
-        position: reader.vector("position")?.unwrap_or(Vec3::ZERO),
-        rotation: rotation(reader)?,
-    })
-}
-
-pub(super) fn rotation(parent: &Reader) -> Result<RotationSpec, SceneError> {
-    let Some(reader) = parent.child("rotation")? else { return Ok(RotationSpec(Quat::IDENTITY)) };
-    reader.at_most_one_of(&["angle", "quaternion"])?;
-    reader.at_most_one_of(&["axis", "quaternion"])?;
-    let Some(quaternion) = reader.list("quaternion")? else {
-        let axis = reader.direction("axis")?.unwrap_or(Vec3::Z);
-        let angle = reader.quantity("angle")?.unwrap_or(0.0);
-        return Ok(RotationSpec(Quat::from_axis_angle(axis, angle)));
-    };
-    let &[x, y, z, w] = quaternion.as_slice() else {
-        return Err(reader.out_of_range("quaternion", "four numbers", quaternion.len()));
-    };
-    let quaternion = Quat::from_xyzw(x, y, z, w);
-    let length = quaternion.length();
-    if !(length.is_finite() && length > 0.0) {
-        return Err(reader.out_of_range("quaternion", "of any length but zero", quaternion));
-    }
-    // A unit quaternion written by `to_toml` must come back unchanged.
-    let is_unit = (length - 1.0).abs() < 1e-14;
-    Ok(RotationSpec(if is_unit { quaternion } else { quaternion / length }))
-}
-
-pub(super) fn shape(reader: &Reader) -> Result<ShapeSpec, SceneError> {
-    let form = reader.one_of(schema::SHAPE_NAMES)?;
-    let inner = reader.required_child(form)?;
-    if let Some(form) = Shape::BY_LENGTHS.iter().find(|lengths| lengths.name == form) {
-        let length = |length: &Length| match inner.quantity(length.name)? {
-            None if length.is_required => Err(inner.missing(length.name)),
-            given => Ok(given.unwrap_or(0.0)),
-        };
-        let lengths = form.lengths.iter().map(length).collect::<Result<_, _>>()?;
-        return Ok(ShapeSpec::Lengths(LengthsSpec { form, lengths }));
-    }
-    Ok(match form {
-        "box" => ShapeSpec::Box { size: inner.vector("size")?.ok_or_else(|| inner.missing("size"))? },
-        "plane" => ShapeSpec::Plane { normal: inner.direction("normal")?.unwrap_or(Vec3::Z) },
-        "hull" => ShapeSpec::Hull(hull(&inner)?),
-        _ => ShapeSpec::Mesh(mesh(&inner)?),
-    })
-}
-
-fn hull(reader: &Reader) -> Result<HullSpec, SceneError> {
-    reader.one_of(&["file", "points"])?;
-    let scale = reader.vector_or_quantity("scale")?.unwrap_or(Vec3::ONE);
-    if scale.to_array().contains(&0.0) {
-        return Err(reader.out_of_range("scale", "a factor other than zero", scale));
-    }
-    let corners = reader.count("corners")?;
-    if corners.is_some_and(|corners| corners < 4) {
-        return Err(reader.out_of_range("corners", "at least 4", corners.unwrap_or_default()));
-    }
-    let points: Vec<[f64; 3]> = reader.rows("points")?.unwrap_or_default();
-    Ok(HullSpec {
-        file: reader.path("file")?,
-        points: points.into_iter().map(Vec3::from_array).collect(),
-        scale,
-        corners,
-        location: reader
-            .get("file")
-            .or(reader.get("points"))
-            .map_or(reader.location(), |node| &node.location)
-            .clone(),
-    })
-}
-
-fn mesh(reader: &Reader) -> Result<MeshSpec, SceneError> {
-    let form = reader.one_of(&["file", "vertices"])?;
-    reader.at_most_one_of(&["file", "triangles"])?;
-    let mut spec = MeshSpec {
-        file: reader.path("file")?,
-        vertices: Vec::new(),
-        triangles: Vec::new(),
-        scale: reader.vector_or_quantity("scale")?.unwrap_or(Vec3::ONE),
-        solid: reader.flag("solid")?.unwrap_or(false),
-        location: reader.get("file").map_or(reader.location(), |node| &node.location).clone(),
-    };
-    if form == "vertices" {
-        let vertices = reader.rows("vertices")?.ok_or_else(|| reader.missing("vertices"))?;
-        let triangles = reader.rows("triangles")?.ok_or_else(|| reader.missing("triangles"))?;
-        let vertex = |number: f64| {
-            let is_one = number.fract() == 0.0 && (0.0..vertices.len() as f64).contains(&number);
-            is_one.then_some(number as u32).ok_or_else(|| {
-                let requirement = format!("made of vertex numbers from 0 to {}", vertices.len() as i64 - 1);
-                reader.out_of_range("triangles", &requirement, number)
-            })
-        };
-        spec.triangles = triangles
-            .iter()
-            .map(|&[a, b, c]| Ok([vertex(a)?, vertex(b)?, vertex(c)?]))
-            .collect::<Result<_, SceneError>>()?;
-        if spec.triangles.is_empty() {
-            return Err(reader.out_of_range("triangles", "at least one", "none"));
-        }
-        spec.vertices = vertices.into_iter().map(Vec3::from_array).collect();
-    }
-    Ok(spec)
-}
-
-/// The `motion` of a body, or what it is without one: free, or fixed where it is a boundary.
-pub(super) fn motion(body: &Reader, boundary: bool) -> Result<MotionSpec, SceneError> {
-    let fixed = match body.get("motion") {
-        None => boundary,
-        Some(Node { value: Value::Table(_), .. }) => {
-            let reader = body.required_child("motion")?;
-            return prescribed_motion(&reader);
-        }
-        Some(_) => body.choice("motion", MOTIONS)?.unwrap_or(false),
-    };
-    Ok(if fixed { MotionSpec::FIXED } else { MotionSpec::FREE })
-}
-
-fn prescribed_motion(reader: &Reader) -> Result<MotionSpec, SceneError> {
-    let mut free = [false; 6];
-    for name in reader.texts("free")?.unwrap_or_default() {
-        let degree = DEGREES.iter().position(|degree| *degree == name);
-        let degree = degree.ok_or_else(|| {
-            reader.unknown_name("free", "degree of freedom", &name, DEGREES.iter().copied())
-        })?;
-        free[degree] = true;
-    }
-    let translation = reader
-        .tables("translation")?
-        .iter()
-        .map(|item| {
-            Ok(TranslationSpec {
-                direction: item.direction("direction")?.ok_or_else(|| item.missing("direction"))?,
-                speed: speed(item)?,
-            })
-        })
-        .collect::<Result<_, SceneError>>()?;
-    let rotation = match reader.child("rotation")? {
-        None => None,
-        Some(spin) => Some(SpinSpec {
-            point: spin.vector("point")?,
-            axis: spin.direction("axis")?.unwrap_or(Vec3::Z),
-            speed: speed(&spin)?,
-        }),
-    };
-    let start = reader.quantity("start")?.unwrap_or(0.0);
-    Ok(MotionSpec { free, start, translation, rotation })
-}
-
-/// The `speed` of a translation or rotation.
-fn speed(parent: &Reader) -> Result<FunctionSpec, SceneError> {
-    parent.function("speed")?.ok_or_else(|| parent.missing("speed"))
-}
-
-/// What a load can do to bodies.
-const ACTIONS: &[&str] = &["force", "torque", "pressure", "acceleration", "central", "drag"];
-
-/// The list of names that a key holds, each of which has to be known; empty where it is not given.
-pub(super) fn names_of(
-    reader: &Reader,
-    key: &str,
-    what: &str,
-    known: &[&str],
-) -> Result<Vec<String>, SceneError> {
-    let Some(names) = reader.texts(key)? else { return Ok(Vec::new()) };
-    if names.is_empty() {
-        // Left out, the key means everything: a list that somebody's program left empty does not.
-        return Err(reader.missing(key));
-    }
-    match names.iter().find(|name| !known.contains(&name.as_str())) {
-        Some(name) => Err(reader.unknown_name(key, what, name, known.iter().copied())),
-        None => Ok(names),
-    }
-}
-
-fn load(reader: &Reader, bodies: &[&str], packings: &[&str]) -> Result<LoadSpec, SceneError> {
-    if ACTIONS.iter().all(|action| reader.get(action).is_none()) {
-        let kind = SceneErrorKind::OneOf {
-            table: format!("`{}`", reader.path),
-            keys: ACTIONS.join(", "),
-            found: "none".into(),
-        };
-        return Err(SceneError::at(kind, reader.location()));
-    }
-    let point = reader.vector("point")?;
-    let force = reader.functions("force")?;
-    if point.is_some() && force.is_none() {
-        return Err(reader.missing("force"));
-    }
-    Ok(LoadSpec {
-        bodies: names_of(reader, "bodies", "body", bodies)?,
-        packings: names_of(reader, "packings", "packing", packings)?,
-        region: reader.child("region")?.as_ref().map(region).transpose()?,
-        force,
-        point,
-        torque: reader.functions("torque")?,
-        axes: reader.choice("axes", AXES)?.unwrap_or_default(),
-        pressure: reader.child("pressure")?.as_ref().map(pressure).transpose()?,
-        acceleration: reader.functions("acceleration")?,
-        central: reader.child("central")?.as_ref().map(central).transpose()?,
-        drag: reader.child("drag")?.as_ref().map(drag).transpose()?,
-        location: reader.location().clone(),
-    })
-}
-
-fn pressure(reader: &Reader) -> Result<PressureSpec, SceneError> {
-    Ok(PressureSpec {
-        stress: reader.function("stress")?.ok_or_else(|| reader.missing("stress"))?,
-        area: reader.required("area")?,
-        direction: reader.direction("direction")?.ok_or_else(|| reader.missing("direction"))?,
-    })
-}
-
-fn central(reader: &Reader) -> Result<CentralSpec, SceneError> {
-    Ok(CentralSpec {
-        point: reader.vector("point")?.unwrap_or(Vec3::ZERO),
-        strength: reader.required("strength")?,
-        distance: reader.quantity("distance")?.unwrap_or(1.0),
-        power: reader.quantity("power")?.unwrap_or(-2.0),
-    })
-}
-
-fn drag(reader: &Reader) -> Result<DragSpec, SceneError> {
-    let coefficient = |key: &str| Ok(reader.quantity(key)?.unwrap_or(0.0));
-    Ok(DragSpec {
-        linear: coefficient("linear")?,
-        quadratic: coefficient("quadratic")?,
-        angular: coefficient("angular")?,
-        medium: reader.vector("medium")?.unwrap_or(Vec3::ZERO),
-    })
-}
-
-fn packing(reader: &Reader, materials: &[&str], default_seed: u64) -> Result<PackingSpec, SceneError> {
-    let form = reader.one_of(&["lattice", "drop", "poisson", "file"])?;
-    let inner = reader.required_child(form)?;
+fn packing(reader: &Reader, default_seed: u64) -> Result<PackingSpec, SceneError> {
+    let (form, inner) = reader.form()?;
     let source = match form {
-        "lattice" => PackingSource::Lattice(lattice(&inner)?),
-        "drop" => PackingSource::Drop(drop_spec(&inner)?),
-        "poisson" => PackingSource::Poisson(PoissonSpec {
-            distance: inner.required("distance")?,
-            region: region(&inner)?,
-        }),
-        _ => PackingSource::File(file(&inner)?),
+        "lattice" => PackingSource::Lattice(LatticeSpec::read(&inner)?),
+        "drop" => {
+            let region = region(&inner)?;
+            PackingSource::Drop(DropSpec { count: inner.field("count")?, region })
+        }
+        "poisson" => {
+            let distance = inner.field("distance")?;
+            PackingSource::Poisson(PoissonSpec { distance, region: region(&inner)? })
+        }
+        _ => PackingSource::File(FileSpec::read(&inner)?),
     };
     let form = reader.at_most_one_of(&["shape", "parts"])?;
     if let (PackingSource::File(_), Some(form)) = (&source, form) {
@@ -647,26 +241,26 @@ fn packing(reader: &Reader, materials: &[&str], default_seed: u64) -> Result<Pac
         return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
     }
     let grains = match source {
-        PackingSource::File(_) => grains_of(reader, materials)?,
-        _ => grains(reader, materials)?,
+        PackingSource::File(_) => grains_of(reader)?,
+        _ => grains(reader)?,
     };
     let seed = reader.count("seed")?.unwrap_or(default_seed);
     Ok(PackingSpec { source, grains, seed, location: reader.location().clone() })
 }
 
 /// The bodies of a packing or a stream, whose size the scene has to name.
-pub(super) fn grains(reader: &Reader, materials: &[&str]) -> Result<GrainSpec, SceneError> {
+pub(super) fn grains(reader: &Reader) -> Result<GrainSpec, SceneError> {
     match reader.at_most_one_of(&["radius", "shape", "parts"])? {
-        Some(_) => grains_of(reader, materials),
+        Some(_) => grains_of(reader),
         None => Err(reader.missing("radius")),
     }
 }
 
 /// The same where a file may have the sizes.
-fn grains_of(reader: &Reader, materials: &[&str]) -> Result<GrainSpec, SceneError> {
+fn grains_of(reader: &Reader) -> Result<GrainSpec, SceneError> {
     let size = reader.at_most_one_of(&["radius", "shape", "parts"])?;
-    let shape = reader.child("shape")?.as_ref().map(shape).transpose()?;
-    let parts = reader.tables("parts")?.iter().map(part).collect::<Result<Vec<_>, _>>()?;
+    let shape: Option<ShapeSpec> = reader.field("shape")?;
+    let parts: Vec<PartSpec> = reader.field("parts")?;
     for (key, shape) in
         shape.iter().map(|shape| ("shape", shape)).chain(parts.iter().map(|part| ("parts", &part.shape)))
     {
@@ -682,80 +276,10 @@ fn grains_of(reader: &Reader, materials: &[&str]) -> Result<GrainSpec, SceneErro
         radius: radius(reader)?,
         shape,
         parts,
-        random_rotation: reader.flag("random_rotation")?.unwrap_or(false),
-        material: material_name(reader, materials)?,
-        velocity: reader.vector("velocity")?.unwrap_or(Vec3::ZERO),
-        lock_rotation: reader.flag("lock_rotation")?.unwrap_or(false),
-    })
-}
-
-fn lattice(reader: &Reader) -> Result<LatticeSpec, SceneError> {
-    Ok(LatticeSpec {
-        counts: reader.counts("counts")?,
-        pitch: reader.vector_or_quantity("pitch")?.ok_or_else(|| reader.missing("pitch"))?,
-        origin: reader.vector("origin")?.unwrap_or(Vec3::ZERO),
-        jitter: reader.quantity("jitter")?.unwrap_or(0.0),
-    })
-}
-
-/// The region that a table names: a box or a cylinder.
-pub(super) fn region(reader: &Reader) -> Result<Region, SceneError> {
-    let form = reader.one_of(&["box", "cylinder"])?;
-    let inner = reader.required_child(form)?;
-    let corner = |key: &str| inner.vector(key)?.ok_or_else(|| inner.missing(key));
-    Ok(if form == "box" {
-        let (min, max) = (corner("min")?, corner("max")?);
-        if !min.cmplt(max).all() {
-            return Err(inner.out_of_range("max", &format!("above min ({min}) along every axis"), max));
-        }
-        Region::Box { min, max }
-    } else {
-        Region::Cylinder {
-            base: inner.vector("base")?.unwrap_or(Vec3::ZERO),
-            radius: inner.required("radius")?,
-            height: inner.required("height")?,
-        }
-    })
-}
-
-fn drop_spec(reader: &Reader) -> Result<DropSpec, SceneError> {
-    let region = region(reader)?;
-    Ok(DropSpec { count: reader.required_count("count")? as usize, region })
-}
-
-fn file(reader: &Reader) -> Result<FileSpec, SceneError> {
-    let path = reader.path("path")?.ok_or_else(|| reader.missing("path"))?;
-    let format = match reader.choice("format", PackingFormat::NAMES)? {
-        Some(format) => format,
-        None => match path.extension().and_then(|ending| ending.to_str()).map(str::to_lowercase).as_deref() {
-            Some("vtu" | "vtp") => PackingFormat::Vtk,
-            Some("csv") => PackingFormat::Csv,
-            Some("dump" | "lammpstrj" | "liggghts") => PackingFormat::Lammps,
-            Some("xyz" | "extxyz") => PackingFormat::Xyz,
-            Some("data" | "restart") => PackingFormat::Mercury,
-            _ => PackingFormat::Table,
-        },
-    };
-    let frame = reader.count("frame")?;
-    if frame.is_some()
-        && !matches!(format, PackingFormat::Lammps | PackingFormat::Xyz | PackingFormat::Mercury)
-    {
-        let problem =
-            format!("`{}.frame` is for files with several frames: lammps, xyz and mercury", reader.path);
-        return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
-    }
-    Ok(FileSpec {
-        path,
-        format,
-        frame,
-        skip_last: reader.count("skip_last")?.unwrap_or(0) as usize,
-        scale: reader.quantity("scale")?.unwrap_or(1.0),
-        offset: reader.vector("offset")?.unwrap_or(Vec3::ZERO),
-        keep_min: reader.vector("keep_min")?,
-        keep_max: reader.vector("keep_max")?,
-        radius_min: reader.quantity("radius_min")?.unwrap_or(0.0),
-        radius_max: reader.quantity("radius_max")?,
-        location: reader.get("path").map_or(reader.location(), |node| &node.location).clone(),
+        random_rotation: reader.field("random_rotation")?,
+        material: names::material(reader)?,
+        velocity: reader.field("velocity")?,
+        lock_rotation: reader.field("lock_rotation")?,
     })
 }
 

@@ -1,115 +1,229 @@
 //! Joints as scenes write them.
 
 use super::error::{Location, SceneError, SceneErrorKind};
-use super::file::names_of;
 use super::model::FunctionSpec;
+use super::names;
 use super::reader::Reader;
-use graintrain::joint::Coordinate;
+use super::table::{Choice, Field, Spec, table};
+use graintrain::handle::JointId;
+use graintrain::joint::Coordinate::{self, Slide, Turn};
+use graintrain::joint::JointKind;
 use graintrain::math::Vec3;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
-/// A joint.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct JointSpec {
-    /// `fixed`, `revolute`, `prismatic`, `cylindrical`, `spherical`, `distance` or `gear`.
-    pub kind: &'static str,
-    /// Names of A and B; of one body alone: B, held by the world. None of a gear.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub bodies: Vec<String>,
-    /// m
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub point: Option<Vec3>,
-    /// Unit direction.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub axis: Option<Vec3>,
-    /// m
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub ends: Option<[Vec3; 2]>,
-    /// Names of the two joints of a gear.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub joints: Vec<String>,
-    /// Of a gear.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub ratio: Option<f64>,
-    /// Of a cylindrical joint.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub along: Option<Coordinate>,
-    /// On an angle.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub motor: Option<MotorSpec>,
-    /// On a slide or distance.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub actuator: Option<ActuatorSpec>,
-    /// On an angle, N m/rad.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub torsion_spring: Option<SpringSpec>,
-    /// On a slide or distance.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub spring: Option<SpringSpec>,
-    /// Of an angle, rad.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub angles: Option<StopsSpec>,
-    /// Of a slide or distance, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub travel: Option<StopsSpec>,
-    /// Whether its bodies collide; a gear has none of its own.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
-    pub collide: bool,
-    /// Where it is written.
-    #[serde(skip)]
-    pub location: Location,
+table! {
+    /// A joint.
+    pub struct JointSpec: "`[joint.NAME]`", checked by check {
+        /// fixed, revolute, prismatic, cylindrical, spherical, distance or gear
+        kind: &'static JointForm = Text, "required", "\"revolute\"";
+        /// Bodies A and B by name; a single one is B, connected to the world
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        bodies: Vec<String> = Texts, "required unless a gear", "[\"arm\", \"bucket\"]" => names::bodies;
+        /// Position of the joint in the world at time 0
+        point: Option<Vec3> = Vector(D::LENGTH), "required unless a distance or gear", "[0, 0, \"5 cm\"]";
+        /// Direction of its axis in the world at time 0; any length
+        axis: Option<Vec3> = Direction, "required of revolute, prismatic, cylindrical", "[0, 1, 0]";
+        /// End points on A and on B, in the world at time 0
+        ends: Option<[Vec3; 2]> = Rows, "required of a distance", "[[0, 0, 1], [0.5, 0, 1]]";
+        /// The two joints coupled by a gear, defined above it
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        joints: Vec<String> = Texts, "required of a gear", "[\"pinion\", \"wheel\"]";
+        /// Velocity of the second joint over that of the first (rad/s or m/s), negative for opposite rotation
+        ratio: Option<f64> = Quantity(D::NONE), "required of a gear", "-0.25";
+        /// For a cylindrical joint: turn (keys `motor`, `torsion_spring`, `angles`) or slide (keys
+        /// `actuator`, `spring`, `travel`)
+        along: Option<Coordinate> = Text, "\"turn\"", "\"slide\"";
+        /// Drives an angle: at a speed with a maximum torque, or with a torque
+        motor: Option<MotorSpec> = Table(MotorSpec::TABLE), "none",
+            "{ speed = \"20 rpm\", torque = \"50 N m\" }";
+        /// Drives a displacement or distance: at a speed with a maximum force, or with a force
+        actuator: Option<ActuatorSpec> = Table(ActuatorSpec::TABLE), "none",
+            "{ speed = \"5 cm/s\", force = \"2 kN\" }";
+        /// Spring and damper for an angle
+        torsion_spring: Option<SpringSpec> = Table(&TORSION_SPRING), "none",
+            "{ stiffness = \"30 N m/rad\" }";
+        /// Spring and damper for a displacement or distance
+        spring: Option<SpringSpec> = Table(SpringSpec::TABLE), "none",
+            "{ stiffness = \"10 kN/m\", damping = \"200 N s/m\" }";
+        /// Limits of an angle, which is zero at time 0
+        angles: Option<StopsSpec> = Table(&ANGLES), "none", "{ lower = \"-30 deg\" }";
+        /// Limits of a displacement, which is zero at time 0, or of a distance: with `upper` only a rope
+        travel: Option<StopsSpec> = Table(StopsSpec::TABLE), "none", "{ upper = \"12 cm\" }";
+        /// Whether the two bodies collide with each other
+        #[serde(skip_serializing_if = "std::ops::Not::not")]
+        collide: bool = Flag, "false", "true";
+        location
+    }
 }
 
-/// What drives an angle.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct MotorSpec {
-    /// rad/s
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub speed: Option<FunctionSpec>,
-    /// N m: the largest, or without speed the torque itself.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub torque: Option<FunctionSpec>,
+table! {
+    /// What drives an angle.
+    pub struct MotorSpec: "`motor`", checked by drives_angle {
+        /// Angular speed of B relative to A, a function of time
+        speed: Option<FunctionSpec> = Function(D::ANGULAR_SPEED, &ANGULAR_SPEED), "none: the torque itself",
+            "\"20 rpm\"";
+        /// Largest torque; without `speed` the torque on B, a function of time
+        torque: Option<FunctionSpec> = Function(D::ENERGY, &TORQUE), "no limit", "\"50 N m\"";
+    }
 }
 
-/// What drives a slide or distance.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ActuatorSpec {
-    /// m/s
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub speed: Option<FunctionSpec>,
-    /// N: the largest, or without speed the force itself.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub force: Option<FunctionSpec>,
+table! {
+    /// What drives a slide or distance.
+    pub struct ActuatorSpec: "`actuator`", checked by drives_slide {
+        /// Velocity of the displacement or distance, a function of time
+        speed: Option<FunctionSpec> = Function(D::SPEED, &SPEED), "none: the force itself", "\"5 cm/s\"";
+        /// Largest force; without `speed` the force on B, a function of time
+        force: Option<FunctionSpec> = Function(D::FORCE, &FORCE), "no limit", "\"2 kN\"";
+    }
 }
 
-/// A spring and damper: N/m and N s/m, or N m/rad and N m s/rad.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct SpringSpec {
-    /// Force or torque per length or angle.
-    pub stiffness: f64,
-    /// Per speed.
-    pub damping: f64,
-    /// m or rad; `None`: where it is at time 0.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub rest: Option<FunctionSpec>,
+table! {
+    /// A spring and damper: of a slide or distance; of an angle in N m/rad, N m s/rad and rad.
+    pub struct SpringSpec: "`spring`", checked by is_spring {
+        /// Force per length
+        stiffness: f64 = Quantity(D::new(0, 1, -2, 0)), "0", "\"10 kN/m\"", NotNegative;
+        /// Force per speed
+        damping: f64 = Quantity(D::new(0, 1, -1, 0)), "0", "\"200 N s/m\"", NotNegative;
+        /// Displacement or distance without force, a function of time
+        rest: Option<FunctionSpec> = Function(D::LENGTH, &LENGTH), "its value at time 0", "\"20 cm\"";
+    }
 }
 
-/// Stops, m or rad.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct StopsSpec {
-    /// Smallest.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub lower: Option<f64>,
-    /// Largest.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub upper: Option<f64>,
+table! {
+    /// A [`SpringSpec`] of an angle.
+    pub(super) static TORSION_SPRING: "`torsion_spring`" {
+        /// Torque per angle
+        stiffness = Quantity(D::new(2, 1, -2, -1)), "0", "\"30 N m/rad\"", NotNegative;
+        /// Torque per angular speed
+        damping = Quantity(D::new(2, 1, -1, -1)), "0", "\"2 N m s/rad\"", NotNegative;
+        /// Angle without torque, a function of time
+        rest = Function(D::ANGLE, &ANGLE), "0", "\"15 deg\"";
+    }
+}
+
+table! {
+    /// Stops: of a slide or distance; of an angle in rad.
+    pub struct StopsSpec: "`travel`", checked by stops {
+        /// Smallest displacement or distance
+        lower: Option<f64> = Quantity(D::LENGTH), "none", "\"-5 cm\"";
+        /// Largest displacement or distance
+        upper: Option<f64> = Quantity(D::LENGTH), "none", "\"12 cm\"";
+    }
+}
+
+table! {
+    /// [`StopsSpec`] of an angle.
+    pub(super) static ANGLES: "`angles`" {
+        /// Smallest angle
+        lower = Quantity(D::ANGLE), "none", "\"-30 deg\"";
+        /// Largest angle
+        upper = Quantity(D::ANGLE), "none", "\"1 rad\"";
+    }
+}
+
+/// What makes the joint of a scene, with the numbers of the joints that a gear names. `None` where it is
+/// incomplete.
+type Make = fn(&JointSpec, &dyn Fn(&str) -> JointId) -> Option<JointKind>;
+
+/// A kind of joint.
+#[derive(Debug)]
+pub struct JointForm {
+    /// Its name in scenes.
+    pub name: &'static str,
+    /// Keys of [`FORM_KEYS`] that it needs.
+    needs: &'static [&'static str],
+    /// What motors, springs and stops can act on, the default first.
+    coordinates: &'static [Coordinate],
+    pub(super) make: Make,
+}
+
+/// Every kind of joint.
+static FORMS: [JointForm; 7] = [
+    form("fixed", &["bodies", "point"], &[], |spec, _| Some(JointKind::Fixed { point: spec.point? })),
+    form("revolute", &["bodies", "point", "axis"], &[Turn], |spec, _| {
+        Some(JointKind::Revolute { point: spec.point?, axis: spec.axis? })
+    }),
+    form("prismatic", &["bodies", "point", "axis"], &[Slide], |spec, _| {
+        Some(JointKind::Prismatic { point: spec.point?, axis: spec.axis? })
+    }),
+    form("cylindrical", &["bodies", "point", "axis"], &[Turn, Slide], |spec, _| {
+        let coordinate = spec.along.unwrap_or_default();
+        Some(JointKind::Cylindrical { point: spec.point?, axis: spec.axis?, coordinate })
+    }),
+    form("spherical", &["bodies", "point"], &[], |spec, _| Some(JointKind::Spherical { point: spec.point? })),
+    form("distance", &["bodies", "ends"], &[Slide], |spec, _| Some(JointKind::Distance { ends: spec.ends? })),
+    form("gear", &["joints", "ratio"], &[], |spec, number| {
+        let [first, second] = spec.joints.as_slice() else { return None };
+        Some(JointKind::Gear { joints: [number(first), number(second)], ratio: spec.ratio? })
+    }),
+];
+
+const fn form(
+    name: &'static str,
+    needs: &'static [&'static str],
+    coordinates: &'static [Coordinate],
+    make: Make,
+) -> JointForm {
+    JointForm { name, needs, coordinates, make }
+}
+
+/// Keys that some kinds of joints may not have.
+const FORM_KEYS: &[&str] = &["bodies", "point", "axis", "ends", "joints", "ratio", "along", "collide"];
+
+impl JointForm {
+    /// Whether a joint of this kind may have one of [`FORM_KEYS`].
+    fn may_have(&self, key: &str) -> bool {
+        match key {
+            "along" => self.coordinates.len() > 1,
+            "collide" => self.needs.contains(&"bodies"),
+            _ => self.needs.contains(&key),
+        }
+    }
+}
+
+impl PartialEq for JointForm {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl Serialize for JointForm {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name)
+    }
+}
+
+impl Field for &'static JointForm {
+    fn choices() -> Vec<&'static str> {
+        FORMS.iter().map(|form| form.name).collect()
+    }
+
+    fn given(reader: &Reader, key: &str) -> Result<Option<Self>, SceneError> {
+        reader.choice(key, &FORMS.each_ref().map(|form| (form.name, form)))
+    }
+}
+
+impl Choice for Coordinate {
+    const NAMES: &'static [(&'static str, Self)] = &[("turn", Turn), ("slide", Slide)];
+}
+
+/// Two points.
+impl Field for [Vec3; 2] {
+    fn given(reader: &Reader, key: &str) -> Result<Option<Self>, SceneError> {
+        let Some(rows) = reader.rows(key)? else { return Ok(None) };
+        match rows.as_slice() {
+            &[first, second] => Ok(Some([first, second].map(Vec3::from_array))),
+            _ => Err(reader.out_of_range(key, "two points", rows.len())),
+        }
+    }
 }
 
 impl JointSpec {
-    /// One of this kind that holds nothing yet.
-    pub(super) fn new(kind: &'static str, location: Location) -> Self {
+    /// One of the kind of this name that holds nothing yet.
+    pub(super) fn new(kind: &str, location: Location) -> Self {
+        let named = FORMS.iter().find(|form| form.name == kind);
         Self {
-            kind,
+            kind: named.unwrap_or_else(|| unreachable!("there is no joint {kind}")),
             bodies: Vec::new(),
             point: None,
             axis: None,
@@ -142,7 +256,7 @@ impl JointSpec {
         ];
         let parts: Vec<&str> = parts.into_iter().filter(|(_, given)| *given).map(|(name, _)| name).collect();
         let with = if parts.is_empty() { String::new() } else { format!(", with {}", parts.join(", ")) };
-        format!("{} between {held}{with}", self.kind)
+        format!("{} between {held}{with}", self.kind.name)
     }
 
     /// Its functions of time.
@@ -152,136 +266,70 @@ impl JointSpec {
         let springs = [&mut self.torsion_spring, &mut self.spring].into_iter().flatten();
         motor.chain(actuator).chain(springs.map(|spring| &mut spring.rest)).flatten()
     }
-
-    /// Whether motors and springs act on an angle; `None` where the joint has no coordinate.
-    fn turns(&self) -> Option<bool> {
-        match self.kind {
-            "revolute" => Some(true),
-            "cylindrical" => Some(self.along != Some(Coordinate::Slide)),
-            "prismatic" | "distance" => Some(false),
-            _ => None,
-        }
-    }
 }
 
-/// Coordinates of a cylindrical joint.
-pub(super) const ALONG: &[(&str, Coordinate)] = &[("turn", Coordinate::Turn), ("slide", Coordinate::Slide)];
-
-/// Kinds of joints.
-pub(super) const KINDS: &[(&str, &str)] = &[
-    ("fixed", "fixed"),
-    ("revolute", "revolute"),
-    ("prismatic", "prismatic"),
-    ("cylindrical", "cylindrical"),
-    ("spherical", "spherical"),
-    ("distance", "distance"),
-    ("gear", "gear"),
-];
-
-/// Keys that a kind of joint needs, and which it may not have.
-fn geometry_keys(kind: &str) -> (&'static [&'static str], &'static [&'static str]) {
-    match kind {
-        "fixed" | "spherical" => (&["bodies", "point"], &["axis", "ends", "joints", "ratio", "along"]),
-        "revolute" | "prismatic" => (&["bodies", "point", "axis"], &["ends", "joints", "ratio", "along"]),
-        "cylindrical" => (&["bodies", "point", "axis"], &["ends", "joints", "ratio"]),
-        "distance" => (&["bodies", "ends"], &["point", "axis", "joints", "ratio", "along"]),
-        _ => (&["joints", "ratio"], &["bodies", "point", "axis", "ends", "along", "collide"]),
-    }
-}
-
+/// What acts on angles, and in the same order what acts on slides.
 const OF_ANGLES: &[&str] = &["motor", "torsion_spring", "angles"];
 const OF_SLIDES: &[&str] = &["actuator", "spring", "travel"];
 
 /// Reads a joint; `known` are those above it.
-pub(super) fn read(
-    reader: &Reader,
-    bodies: &[&str],
-    known: &[(String, JointSpec)],
-) -> Result<JointSpec, SceneError> {
-    let kind = reader.choice("kind", KINDS)?.ok_or_else(|| reader.missing("kind"))?;
-    let (needed, useless) = geometry_keys(kind);
-    let refuse =
-        |problem: String| Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
-    if let Some(key) = needed.iter().find(|key| reader.get(key).is_none()) {
-        return Err(reader.missing(key));
-    }
-    if let Some(key) = useless.iter().find(|key| reader.get(key).is_some()) {
-        return refuse(format!(
-            "`{}` has no meaning for a joint that is {kind}: remove it",
-            reader.full(key)
-        ));
-    }
-    let names: Vec<&str> = known.iter().map(|(name, _)| name.as_str()).collect();
-    let pair =
-        |rows: Vec<[f64; 3]>| <[[f64; 3]; 2]>::try_from(rows).ok().map(|ends| ends.map(Vec3::from_array));
-    let ends = match reader.rows("ends")? {
-        None => None,
-        Some(rows) => {
-            let found = rows.len();
-            Some(pair(rows).ok_or_else(|| reader.out_of_range("ends", "two points", found))?)
-        }
-    };
-    let spec = JointSpec {
-        kind,
-        bodies: names_of(reader, "bodies", "body", bodies)?,
-        point: reader.vector("point")?,
-        axis: reader.direction("axis")?,
-        ends,
-        joints: names_of(reader, "joints", "joint above this one", &names)?,
-        ratio: reader.quantity("ratio")?,
-        along: reader.choice("along", ALONG)?,
-        motor: reader.child("motor")?.as_ref().map(motor).transpose()?,
-        actuator: reader.child("actuator")?.as_ref().map(actuator).transpose()?,
-        torsion_spring: reader.child("torsion_spring")?.as_ref().map(spring).transpose()?,
-        spring: reader.child("spring")?.as_ref().map(spring).transpose()?,
-        angles: reader.child("angles")?.as_ref().map(stops).transpose()?,
-        travel: reader.child("travel")?.as_ref().map(stops).transpose()?,
-        collide: reader.flag("collide")?.unwrap_or(false),
-        location: reader.location().clone(),
-    };
+pub(super) fn read(reader: &Reader, known: &[(String, JointSpec)]) -> Result<JointSpec, SceneError> {
+    let spec = JointSpec::read(reader)?;
+    let known: Vec<&str> = known.iter().map(|(name, _)| name.as_str()).collect();
+    names::list(reader, "joints", "joint above this one", &known)?;
     if !spec.joints.is_empty() && spec.joints.len() != 2 {
         return Err(reader.out_of_range("joints", "two names", spec.joints.len()));
     }
     if spec.bodies.len() > 2 {
         return Err(reader.out_of_range("bodies", "one or two names", spec.bodies.len()));
     }
-    for (keys, is_turn, what, other) in
-        [(OF_ANGLES, true, "an angle", OF_SLIDES), (OF_SLIDES, false, "a slide or distance", OF_ANGLES)]
+    Ok(spec)
+}
+
+/// Refuses a joint without the keys of its kind, or with those of others.
+fn check(spec: &JointSpec, reader: &Reader) -> Result<(), SceneError> {
+    let form = spec.kind;
+    let refuse =
+        |problem: String| Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+    if let Some(key) = form.needs.iter().find(|key| reader.get(key).is_none()) {
+        return Err(reader.missing(key));
+    }
+    if let Some(key) = FORM_KEYS.iter().find(|key| reader.get(key).is_some() && !form.may_have(key)) {
+        return refuse(format!(
+            "`{}` has no meaning for a joint that is {}: remove it",
+            reader.full(key),
+            form.name
+        ));
+    }
+    let coordinate = spec.along.or(form.coordinates.first().copied());
+    for (keys, own, what, other) in
+        [(OF_ANGLES, Turn, "an angle", OF_SLIDES), (OF_SLIDES, Slide, "a slide or distance", OF_ANGLES)]
     {
         let given = keys.iter().position(|key| reader.get(key).is_some());
-        if let Some(place) = given.filter(|_| spec.turns() != Some(is_turn)) {
-            let remedy = match spec.turns() {
+        if let Some(place) = given.filter(|_| coordinate != Some(own)) {
+            let remedy = match coordinate {
                 Some(_) => format!("use `{}`", other[place]),
                 None => "it has neither that these could act on".to_string(),
             };
             let key = reader.full(keys[place]);
-            return refuse(format!("`{key}` acts on {what}, but this joint is {kind}: {remedy}"));
+            return refuse(format!("`{key}` acts on {what}, but this joint is {}: {remedy}", form.name));
         }
     }
-    Ok(spec)
+    Ok(())
 }
 
-pub(super) fn motor(reader: &Reader) -> Result<MotorSpec, SceneError> {
-    let spec = MotorSpec { speed: reader.function("speed")?, torque: reader.function("torque")? };
-    if spec.speed.is_none() && spec.torque.is_none() { Err(reader.missing("speed")) } else { Ok(spec) }
+fn drives_angle(_: &MotorSpec, reader: &Reader) -> Result<(), SceneError> {
+    reader.any_of(&["speed", "torque"])
 }
 
-pub(super) fn actuator(reader: &Reader) -> Result<ActuatorSpec, SceneError> {
-    let spec = ActuatorSpec { speed: reader.function("speed")?, force: reader.function("force")? };
-    if spec.speed.is_none() && spec.force.is_none() { Err(reader.missing("speed")) } else { Ok(spec) }
+fn drives_slide(_: &ActuatorSpec, reader: &Reader) -> Result<(), SceneError> {
+    reader.any_of(&["speed", "force"])
 }
 
-pub(super) fn spring(reader: &Reader) -> Result<SpringSpec, SceneError> {
-    let coefficient = |key: &str| Ok(reader.quantity(key)?.unwrap_or(0.0));
-    let spec = SpringSpec {
-        stiffness: coefficient("stiffness")?,
-        damping: coefficient("damping")?,
-        rest: reader.function("rest")?,
-    };
-    if spec.stiffness == 0.0 && spec.damping == 0.0 { Err(reader.missing("stiffness")) } else { Ok(spec) }
+fn is_spring(spec: &SpringSpec, reader: &Reader) -> Result<(), SceneError> {
+    if spec.stiffness == 0.0 && spec.damping == 0.0 { Err(reader.missing("stiffness")) } else { Ok(()) }
 }
 
-pub(super) fn stops(reader: &Reader) -> Result<StopsSpec, SceneError> {
-    let spec = StopsSpec { lower: reader.quantity("lower")?, upper: reader.quantity("upper")? };
-    if spec.lower.is_none() && spec.upper.is_none() { Err(reader.missing("lower")) } else { Ok(spec) }
+fn stops(_: &StopsSpec, reader: &Reader) -> Result<(), SceneError> {
+    reader.any_of(&["lower", "upper"])
 }

@@ -4,11 +4,9 @@
 //! Every table is a definition. A number may be a text, since scenes calculate: its unit and dimension are
 //! checked when the scene is read, as is everything that concerns several tables.
 
-use super::schema::{Key, Kind, Range, SCENE, Table};
+use super::schema::{Key, Kind, REQUIRED, Range, SCENE, Table};
 use serde_json::{Map, Value, json};
 
-/// A default that says that the key has to be given.
-const REQUIRED: &str = "required";
 /// A default that says that one of several keys has to be given: those after it, or where it stands alone all
 /// that have it.
 const ONE_OF: &str = "one of";
@@ -121,7 +119,7 @@ fn of_kind(key: &Key) -> Value {
     let or = |first: Value, second: Value| json!({ "anyOf": [first, second] });
     match key.kind {
         Kind::Quantity(_) | Kind::RatioOrLength => number(),
-        Kind::Vector(_) => three(number()),
+        Kind::Vector(_) | Kind::Direction => three(number()),
         Kind::VectorOrQuantity(_) => or(number(), three(number())),
         Kind::List(_) => list(number()),
         Kind::Count => self::number("integer", count_range(key)),

@@ -1,191 +1,209 @@
 //! Measurements as a scene asks for them.
 
-use super::error::{Location, SceneError, SceneErrorKind};
-use super::file::{names_of, region};
+use super::error::{SceneError, SceneErrorKind};
+use super::names;
 use super::reader::Reader;
+use super::region::REGION;
+use super::schema::{Table, in_order};
+use super::table::{Choice, Spec, table};
 use crate::measure::MOST_BINS;
 use graintrain::load::Region;
 use graintrain::math::Vec3;
 use graintrain::measure::profile::Along;
 use serde::Serialize;
 
-fn no(flag: &bool) -> bool {
-    !*flag
+table! {
+    /// A measurement.
+    pub struct MeasureSpec: "`[measure.NAME]`" {
+        /// Bodies by name
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        bodies: Vec<String> = Texts, "all that can move, or those of packings",
+            "[\"wheel\"]" => names::bodies;
+        /// All bodies of packings by name
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        packings: Vec<String> = Texts, "all that can move, or those of bodies",
+            "[\"grains\"]" => names::packings;
+        /// All bodies of streams by name
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        streams: Vec<String> = Texts, "all that can move, or those of bodies and packings",
+            "[\"rain\"]" => names::streams;
+        /// Only bodies whose centre of mass is inside; the volume of stress, porosity and profiles (otherwise
+        /// the box around the bodies)
+        region: Option<Region> = Table(&REGION), "everywhere",
+            "{ box = { min = [0, 0, 0], max = [1, 1, 1] } }";
+        /// Records only in the stage of this name
+        stage: Option<String> = Text, "all stages", "\"shear\"" => names::stage;
+        /// Time of the first record; crossings of planes are counted from then on
+        start: f64 = Quantity(D::TIME), "0", "\"2 s\"", NotNegative;
+        /// Time between records; rounded to whole steps
+        every: f64 = Quantity(D::TIME), "the time step", "\"10 ms\"", Positive => every;
+        /// Stress tensor by contacts, compression positive; pressure, deviator, kinetic pressure
+        #[serde(skip_serializing_if = "std::ops::Not::not")]
+        stress: bool = Flag, "false", "true";
+        /// Coordination number with and without rattlers, sliding fraction, hyperstaticity
+        #[serde(skip_serializing_if = "std::ops::Not::not")]
+        coordination: bool = Flag, "false", "true";
+        /// Bodies with fewer neighbours in loaded contact, without rattlers, are rattlers; use 4 without
+        /// friction
+        rattlers_below: u64 = Count, "2", "4";
+        /// Fabric tensor of the loaded contacts, and its anisotropy
+        #[serde(skip_serializing_if = "std::ops::Not::not")]
+        fabric: bool = Flag, "false", "true";
+        /// Porosity and solid fraction
+        #[serde(skip_serializing_if = "std::ops::Not::not")]
+        porosity: bool = Flag, "false", "true";
+        /// Mean, standard deviation and maximum of normal forces
+        #[serde(skip_serializing_if = "std::ops::Not::not")]
+        forces: bool = Flag, "false", "true";
+        /// Edges, offsets, strain and rate of the periodic cell
+        #[serde(skip_serializing_if = "std::ops::Not::not")]
+        cell: bool = Flag, "false", "true";
+        /// Energies; work and losses of the whole world since the beginning
+        #[serde(skip_serializing_if = "std::ops::Not::not")]
+        energy: bool = Flag, "false", "true";
+        /// Mass, centre of mass and its velocity
+        #[serde(skip_serializing_if = "std::ops::Not::not")]
+        motion: bool = Flag, "false", "true";
+        /// Sum of contact forces and torques on some bodies, also walls; with a region only of contacts in it
+        force: Option<ForceSpec> = Table(ForceSpec::TABLE), "none", "{ bodies = [\"floor\"] }";
+        /// Mass and bodies that cross a plane (with a region only inside it), and the force through it
+        plane: Option<PlaneSpec> = Table(PlaneSpec::TABLE), "none",
+            "{ point = [0, 0, 0], normal = [0, 0, -1] }";
+        /// Bodies, mass and kinetic energy that entered through all streams (and by growth) and left through
+        /// all outlets
+        #[serde(skip_serializing_if = "std::ops::Not::not")]
+        exchange: bool = Flag, "false", "true";
+        /// Lacey's mixing index
+        mixing: Option<MixingSpec> = Table(MixingSpec::TABLE), "none",
+            "{ packings = [\"red\"], cell = \"3 cm\" }";
+        /// Shear and normal stress, their ratio, displacement and dilation of a shear box
+        shear_box: Option<ShearBoxSpec> = Table(ShearBoxSpec::TABLE), "none",
+            "{ sheared = \"lower\", pressing = \"press\", area = 0.04 }";
+        /// Slip, sinkage, drawbar pull, load and torque of a wheel; the selected bodies are the soil bed
+        wheel: Option<WheelSpec> = Table(WheelSpec::TABLE), "none",
+            "{ body = \"wheel\", radius = \"10 cm\" }";
+        /// Angle of repose of a heap
+        repose: Option<ReposeSpec> = Table(ReposeSpec::TABLE), "none",
+            "{ along = \"radius\", width = \"1 cm\" }";
+        /// Density, velocity and temperature in bins; the only key of its table, a record per bin
+        profile: Option<ProfileSpec> = Table(ProfileSpec::TABLE), "none",
+            "{ along = \"z\", from = 0, to = \"20 cm\", bins = 20 }";
+        /// Distribution of normal forces over their mean; the only key of its table, a record per bin
+        histogram: Option<HistogramSpec> = Table(HistogramSpec::TABLE), "none", "{ bins = 20, most = 5 }";
+        location
+    }
 }
 
-/// A measurement.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct MeasureSpec {
-    /// Names of single bodies; without these and packings all bodies that can move.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub bodies: Vec<String>,
-    /// Names of packings.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub packings: Vec<String>,
-    /// Names of streams.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub streams: Vec<String>,
-    /// Where.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub region: Option<Region>,
-    /// Name of the stage; `None`: all.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub stage: Option<String>,
-    /// s
-    pub start: f64,
-    /// s
-    pub every: f64,
-    /// The stress tensor.
-    #[serde(skip_serializing_if = "no")]
-    pub stress: bool,
-    /// Coordination.
-    #[serde(skip_serializing_if = "no")]
-    pub coordination: bool,
-    /// Bodies with fewer neighbours are rattlers.
-    pub rattlers_below: u64,
-    /// The fabric tensor.
-    #[serde(skip_serializing_if = "no")]
-    pub fabric: bool,
-    /// Porosity.
-    #[serde(skip_serializing_if = "no")]
-    pub porosity: bool,
-    /// Normal forces.
-    #[serde(skip_serializing_if = "no")]
-    pub forces: bool,
-    /// The periodic cell.
-    #[serde(skip_serializing_if = "no")]
-    pub cell: bool,
-    /// Energies.
-    #[serde(skip_serializing_if = "no")]
-    pub energy: bool,
-    /// Centre of mass.
-    #[serde(skip_serializing_if = "no")]
-    pub motion: bool,
-    /// Bodies that come and leave.
-    #[serde(skip_serializing_if = "no")]
-    pub exchange: bool,
-    /// Force on bodies.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub force: Option<ForceSpec>,
-    /// What passes a plane.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub plane: Option<PlaneSpec>,
+/// The keys of a measurement as the documentation has them: `start` before `stage`.
+pub(super) static MEASURE: Table = Table {
+    keys: &in_order(
+        MeasureSpec::TABLE.keys,
+        [0, 1, 2, 3, 5, 4, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24],
+    ),
+    ..*MeasureSpec::TABLE
+};
+
+table! {
+    /// Force on bodies together.
+    pub struct ForceSpec: "`measure.force`" {
+        /// Bodies by name
+        bodies: Vec<String> = Texts, "required", "[\"floor\", \"wall\"]" => some_bodies;
+        /// Reference point of the torque, in the world
+        point: Vec3 = Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, 1]";
+    }
+}
+
+table! {
+    /// A plane.
+    pub struct PlaneSpec: "`measure.plane`" {
+        /// A point of the plane
+        point: Vec3 = Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, \"5 cm\"]";
+        /// Positive direction; any length
+        normal: Vec3 = Direction, "[0, 0, 1]", "[0, 0, -1]";
+    }
+}
+
+table! {
     /// Lacey's index.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub mixing: Option<MixingSpec>,
+    pub struct MixingSpec: "`measure.mixing`", checked by is_chosen {
+        /// Packings of the first kind; all other selected bodies are the second
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        packings: Vec<String> = Texts, "one of packings, streams", "[\"red\"]" => names::packings;
+        /// Streams of the first kind
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        streams: Vec<String> = Texts, "one of packings, streams", "[\"rain\"]" => names::streams;
+        /// Edge of the cells: a few bodies wide
+        cell: f64 = Quantity(D::LENGTH), "required", "\"3 cm\"", Positive;
+    }
+}
+
+table! {
     /// A shear box.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub shear_box: Option<ShearBoxSpec>,
+    pub struct ShearBoxSpec: "`measure.shear_box`" {
+        /// The sheared body
+        sheared: String = Text, "required", "\"lower\"" => names::body;
+        /// The pressing body
+        pressing: String = Text, "required", "\"press\"" => names::body;
+        /// Direction of shear; any length
+        direction: Vec3 = Direction, "[1, 0, 0]", "[0, 1, 0]";
+        /// From the sample to the pressing body; any length
+        normal: Vec3 = Direction, "[0, 0, 1]", "[0, 0, 1]";
+        /// Area of the sample
+        area: f64 = Quantity(D::AREA), "required", "\"0.12 m * 0.12 m\"", Positive;
+        /// A point of the plane between the halves: stresses there from contacts of grains only, without
+        /// walls, and with the weight above
+        plane: Option<Vec3> = Vector(D::LENGTH), "none", "[0, 0, \"3 cm\"]";
+    }
+}
+
+table! {
     /// A wheel.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub wheel: Option<WheelSpec>,
+    pub struct WheelSpec: "`measure.wheel`" {
+        /// The wheel; its centre of mass is on its axis
+        body: String = Text, "required", "\"wheel\"" => names::body;
+        /// Radius for slip and sinkage
+        radius: f64 = Quantity(D::LENGTH), "required", "\"10 cm\"", Positive;
+        /// Axle; positive rotation rolls forward, in the direction axis x up; any length
+        axis: Vec3 = Direction, "[0, 1, 0]", "[0, 1, 0]";
+    }
+}
+
+table! {
     /// The angle of a slope.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub repose: Option<ReposeSpec>,
+    pub struct ReposeSpec: "`measure.repose`" {
+        /// Direction in which the surface descends: x, y, z or radius
+        along: AlongSpec = Text, "\"radius\"", "\"x\"";
+        /// Point of the vertical axis of the radius
+        centre: Vec3 = Vector(D::LENGTH), "[0, 0, 0]", "[\"5 cm\", 0, 0]";
+        /// Width of the columns whose tops define the surface: one or two diameters
+        width: f64 = Quantity(D::LENGTH), "required", "\"1 cm\"", Positive;
+    }
+}
+
+table! {
     /// Fields in bins.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub profile: Option<ProfileSpec>,
+    pub struct ProfileSpec: "`measure.profile`", checked by has_bins {
+        /// Direction of the bins: x, y, z or radius
+        along: AlongSpec = Text, "\"z\"", "\"radius\"";
+        /// Point of the vertical axis of the radius
+        centre: Vec3 = Vector(D::LENGTH), "[0, 0, 0]", "[\"5 cm\", 0, 0]";
+        /// Lower edge of the first bin
+        from: f64 = Quantity(D::LENGTH), "required", "0";
+        /// Upper edge of the last bin
+        to: f64 = Quantity(D::LENGTH), "required", "\"20 cm\"";
+        /// Number of bins
+        bins: u64 = Count, "required", "20" => bins;
+    }
+}
+
+table! {
     /// Distribution of forces.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub histogram: Option<HistogramSpec>,
-    /// Where it is written.
-    #[serde(skip)]
-    pub location: Location,
-}
-
-/// Force on bodies together.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ForceSpec {
-    /// Their names.
-    pub bodies: Vec<String>,
-    /// m
-    pub point: Vec3,
-}
-
-/// A plane.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct PlaneSpec {
-    /// m
-    pub point: Vec3,
-    /// Unit normal.
-    pub normal: Vec3,
-}
-
-/// Lacey's index.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct MixingSpec {
-    /// Packings of the first kind.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub packings: Vec<String>,
-    /// Streams of the first kind.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub streams: Vec<String>,
-    /// m
-    pub cell: f64,
-}
-
-/// A shear box.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ShearBoxSpec {
-    /// The body that is moved.
-    pub sheared: String,
-    /// The body that presses.
-    pub pressing: String,
-    /// Unit direction.
-    pub direction: Vec3,
-    /// Unit direction.
-    pub normal: Vec3,
-    /// m^2
-    pub area: f64,
-    /// m
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub plane: Option<Vec3>,
-}
-
-/// A wheel.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct WheelSpec {
-    /// The body.
-    pub body: String,
-    /// m
-    pub radius: f64,
-    /// Unit vector along its axis.
-    pub axis: Vec3,
-}
-
-/// The angle of a slope.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ReposeSpec {
-    /// x, y, z or radius.
-    pub along: AlongSpec,
-    /// m
-    pub centre: Vec3,
-    /// m
-    pub width: f64,
-}
-
-/// Fields in bins.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ProfileSpec {
-    /// x, y, z or radius.
-    pub along: AlongSpec,
-    /// m
-    pub centre: Vec3,
-    /// m
-    pub from: f64,
-    /// m
-    pub to: f64,
-    /// Number of bins.
-    pub bins: u64,
-}
-
-/// Distribution of forces.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct HistogramSpec {
-    /// Number of bins.
-    pub bins: u64,
-    /// Largest ratio to the mean.
-    pub most: f64,
+    pub struct HistogramSpec: "`measure.histogram`" {
+        /// Number of bins
+        bins: u64 = Count, "20", "40" => bins;
+        /// Largest ratio of a normal force to the mean
+        most: f64 = Quantity(D::NONE), "5", "8", Positive;
+    }
 }
 
 /// Along what bins lie.
@@ -202,10 +220,12 @@ pub enum AlongSpec {
     Radius,
 }
 
-impl AlongSpec {
-    pub(super) const NAMES: &[(&str, Self)] =
+impl Choice for AlongSpec {
+    const NAMES: &'static [(&'static str, Self)] =
         &[("x", Self::X), ("y", Self::Y), ("z", Self::Z), ("radius", Self::Radius)];
+}
 
+impl AlongSpec {
     /// With the point that a radius counts from.
     pub fn from(self, centre: Vec3) -> Along {
         match self {
@@ -241,17 +261,8 @@ const QUANTITIES: &[&str] = &[
 /// How many of these stand alone.
 const ALONE: usize = 2;
 
-/// What measurements may name.
-pub(super) struct Names<'a> {
-    pub bodies: &'a [&'a str],
-    pub packings: &'a [&'a str],
-    pub streams: &'a [&'a str],
-    pub stages: &'a [&'a str],
-}
-
-/// Reads a measurement of a scene with this time step (s).
-pub(super) fn read(reader: &Reader, step: f64, names: &Names<'_>) -> Result<MeasureSpec, SceneError> {
-    let Names { bodies, packings, streams, stages } = *names;
+/// Reads a measurement, unless it is one of nothing or of what cannot share a table.
+pub(super) fn read(reader: &Reader) -> Result<MeasureSpec, SceneError> {
     let given = |key: &&&str| -> Result<bool, SceneError> {
         match reader.get(key) {
             Some(node) if node.entries().is_none() => Ok(reader.flag(key)?.unwrap_or(false)),
@@ -287,128 +298,37 @@ pub(super) fn read(reader: &Reader, step: f64, names: &Names<'_>) -> Result<Meas
         );
         return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
     }
-    let flag = |key: &str| Ok::<bool, SceneError>(reader.flag(key)?.unwrap_or(false));
-    let spec = MeasureSpec {
-        bodies: names_of(reader, "bodies", "body", bodies)?,
-        packings: names_of(reader, "packings", "packing", packings)?,
-        streams: names_of(reader, "streams", "stream", streams)?,
-        region: reader.child("region")?.as_ref().map(region).transpose()?,
-        stage: match reader.text("stage")? {
-            Some(name) if !stages.contains(&name.as_str()) => {
-                return Err(reader.unknown_name("stage", "stage", &name, stages.iter().copied()));
-            }
-            stage => stage,
-        },
-        start: reader.quantity("start")?.unwrap_or(0.0),
-        every: reader.quantity("every")?.unwrap_or(step),
-        stress: flag("stress")?,
-        coordination: flag("coordination")?,
-        rattlers_below: reader.count("rattlers_below")?.unwrap_or(2),
-        fabric: flag("fabric")?,
-        porosity: flag("porosity")?,
-        forces: flag("forces")?,
-        cell: flag("cell")?,
-        energy: flag("energy")?,
-        motion: flag("motion")?,
-        exchange: flag("exchange")?,
-        force: match reader.child("force")? {
-            None => None,
-            Some(inner) => Some(ForceSpec {
-                bodies: required_names(&inner, "bodies", "body", bodies)?,
-                point: inner.vector("point")?.unwrap_or(Vec3::ZERO),
-            }),
-        },
-        plane: match reader.child("plane")? {
-            None => None,
-            Some(inner) => Some(PlaneSpec {
-                point: inner.vector("point")?.unwrap_or(Vec3::ZERO),
-                normal: inner.direction("normal")?.unwrap_or(Vec3::Z),
-            }),
-        },
-        mixing: match reader.child("mixing")? {
-            None => None,
-            Some(inner) if inner.get("packings").is_none() && inner.get("streams").is_none() => {
-                return Err(inner.missing("packings"));
-            }
-            Some(inner) => Some(MixingSpec {
-                packings: names_of(&inner, "packings", "packing", packings)?,
-                streams: names_of(&inner, "streams", "stream", streams)?,
-                cell: inner.required("cell")?,
-            }),
-        },
-        shear_box: reader.child("shear_box")?.map(|inner| shear_box(&inner, bodies)).transpose()?,
-        wheel: match reader.child("wheel")? {
-            None => None,
-            Some(inner) => Some(WheelSpec {
-                body: body_of(&inner, "body", bodies)?,
-                radius: inner.required("radius")?,
-                axis: inner.direction("axis")?.unwrap_or(Vec3::Y),
-            }),
-        },
-        repose: match reader.child("repose")? {
-            None => None,
-            Some(inner) => Some(ReposeSpec {
-                along: inner.choice("along", AlongSpec::NAMES)?.unwrap_or(AlongSpec::Radius),
-                centre: inner.vector("centre")?.unwrap_or(Vec3::ZERO),
-                width: inner.required("width")?,
-            }),
-        },
-        profile: reader.child("profile")?.map(|inner| profile(&inner)).transpose()?,
-        histogram: match reader.child("histogram")? {
-            None => None,
-            Some(inner) => Some(HistogramSpec {
-                bins: bins(&inner, Some(20))?,
-                most: inner.quantity("most")?.unwrap_or(5.0),
-            }),
-        },
-        location: reader.location().clone(),
-    };
-    Ok(spec)
+    MeasureSpec::read(reader)
 }
 
-fn required_names(reader: &Reader, key: &str, what: &str, known: &[&str]) -> Result<Vec<String>, SceneError> {
-    let names = names_of(reader, key, what, known)?;
+/// Time between records, s.
+fn every(reader: &Reader, key: &str) -> Result<f64, SceneError> {
+    Ok(reader.quantity(key)?.unwrap_or(reader.context.time.step))
+}
+
+fn some_bodies(reader: &Reader, key: &str) -> Result<Vec<String>, SceneError> {
+    let names = names::bodies(reader, key)?;
     if names.is_empty() { Err(reader.missing(key)) } else { Ok(names) }
 }
 
-/// The name of a body.
-fn body_of(reader: &Reader, key: &str, bodies: &[&str]) -> Result<String, SceneError> {
-    let name = reader.text(key)?.ok_or_else(|| reader.missing(key))?;
-    match bodies.contains(&name.as_str()) {
-        true => Ok(name),
-        false => Err(reader.unknown_name(key, "body", &name, bodies.iter().copied())),
-    }
+fn is_chosen(_: &MixingSpec, reader: &Reader) -> Result<(), SceneError> {
+    reader.any_of(&["packings", "streams"])
 }
 
-fn shear_box(reader: &Reader, bodies: &[&str]) -> Result<ShearBoxSpec, SceneError> {
-    Ok(ShearBoxSpec {
-        sheared: body_of(reader, "sheared", bodies)?,
-        pressing: body_of(reader, "pressing", bodies)?,
-        direction: reader.direction("direction")?.unwrap_or(Vec3::X),
-        normal: reader.direction("normal")?.unwrap_or(Vec3::Z),
-        area: reader.required("area")?,
-        plane: reader.vector("plane")?,
-    })
-}
-
-fn profile(reader: &Reader) -> Result<ProfileSpec, SceneError> {
-    let (from, to) = (reader.required("from")?, reader.required("to")?);
+fn has_bins(&ProfileSpec { along, from, to, .. }: &ProfileSpec, reader: &Reader) -> Result<(), SceneError> {
     if to <= from {
         return Err(reader.out_of_range("to", &format!("above from ({from} m)"), format!("{to} m")));
     }
-    let along = reader.choice("along", AlongSpec::NAMES)?.unwrap_or(AlongSpec::Z);
     if along == AlongSpec::Radius && from < 0.0 {
         return Err(reader.out_of_range("from", "zero or positive along a radius", format!("{from} m")));
     }
-    let centre = reader.vector("centre")?.unwrap_or(Vec3::ZERO);
-    Ok(ProfileSpec { along, centre, from, to, bins: bins(reader, None)? })
+    Ok(())
 }
 
-fn bins(reader: &Reader, default: Option<u64>) -> Result<u64, SceneError> {
-    match reader.count("bins")?.or(default) {
-        None => Err(reader.missing("bins")),
-        Some(count) if (1..=MOST_BINS as u64).contains(&count) => Ok(count),
-        Some(count) => Err(reader.out_of_range("bins", &format!("from 1 to {MOST_BINS}"), count)),
+fn bins(reader: &Reader, key: &str) -> Result<u64, SceneError> {
+    match reader.field(key)? {
+        count if (1..=MOST_BINS as u64).contains(&count) => Ok(count),
+        count => Err(reader.out_of_range(key, &format!("from 1 to {MOST_BINS}"), count)),
     }
 }
 

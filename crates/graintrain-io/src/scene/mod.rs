@@ -7,15 +7,16 @@
 //!
 //! | module | holds |
 //! |---|---|
-//! | [`schema`] | every key, its kind, range, choices, default and meaning |
+//! | `table` | the macro that declares a table once: its struct, its keys and what reads it |
+//! | [`schema`] | what is known of every key: kind, range, choices, default and meaning |
 //! | `json_schema` | the same for editors |
 //! | [`mod@quantity`] | units and dimensions |
 //! | `expression`, `parameters` | arithmetic with units and named values |
-//! | `tree`, `reader`, `file` | from text to [`Scene`] |
+//! | `tree`, `reader`, `names`, `file` | from text to [`Scene`] |
 //! | [`model`] | the parts of a [`Scene`] |
 //! | `packing`, `mesh_file` | packings made here or read from files; meshes |
 //! | `robot` | URDF files as bodies and joints |
-//! | `measure`, `stage`, `stream`, `periodic` | measurements, stages, ways in and out for bodies, cells that repeat |
+//! | `joint`, `stage`, `measure`, `stream`, `periodic`, `region`, `radius`, `solver` | these tables |
 //! | `build` | from [`Scene`] to [`Simulation`] |
 //! | [`builtin`] | the built-in scenes |
 //! | [`error`] | what can be wrong, and where |
@@ -32,17 +33,20 @@ mod json_schema;
 mod measure;
 mod mesh_file;
 pub mod model;
+mod names;
 mod packing;
 mod parameters;
 mod periodic;
 pub mod quantity;
 mod radius;
 mod reader;
+mod region;
 mod robot;
 pub mod schema;
 mod solver;
 mod stage;
 mod stream;
+mod table;
 mod tree;
 
 pub use build::Simulation;
@@ -53,7 +57,7 @@ pub use measure::{
     ShearBoxSpec, WheelSpec,
 };
 
-pub use joint::{ActuatorSpec, JointSpec, MotorSpec, SpringSpec, StopsSpec};
+pub use joint::{ActuatorSpec, JointForm, JointSpec, MotorSpec, SpringSpec, StopsSpec};
 pub use periodic::{DriveSpec, PeriodicSpec};
 pub use stage::{GrowthSpec, StageBody, StageMaterial, StageSpec, SteadySpec};
 pub use stream::{ExitSpec, OutletSpec, StreamSpec};

@@ -11,22 +11,37 @@ mod shape;
 pub use function::{FunctionFile, FunctionSpec};
 pub use load::{CentralSpec, DragSpec, LoadSpec, PressureSpec};
 pub use material::{MaterialSpec, PairRule, PairSpec};
-pub(crate) use motion::DEGREES;
+pub(crate) use motion::MOTIONS;
 pub use motion::{MotionSpec, SpinSpec, TranslationSpec};
+pub(super) use packing::PACKING;
 pub use packing::{
     DropSpec, FileSpec, GrainSpec, LatticeSpec, PackingFormat, PackingSource, PackingSpec, PoissonSpec,
     RadiusDistribution, RadiusSpec,
 };
+pub(super) use shape::SHAPE;
 pub use shape::{HullSpec, LengthsSpec, MeshSpec, ShapeSpec};
 
-use super::error::Location;
+use super::error::{Location, SceneError};
+use super::reader::Reader;
+use super::table::{Choice, Field, Spec, table};
 use crate::settings::Precision;
 use graintrain::assemble::OverlapCorrection;
 use graintrain::math::{Quat, Vec3};
 use serde::{Serialize, Serializer};
 
+table! {
+    pub(super) static TIME: "`[time]`", at most one of ["end", "steps"] {
+        /// Time step
+        step = Quantity(D::TIME), "required", "\"25 ms\"", Positive;
+        /// Simulated time; rounded up to whole steps
+        end = Quantity(D::TIME), "one of end, steps", "\"2 s\"", Positive;
+        /// Number of steps
+        steps = Count, "one of end, steps", "120", Positive;
+    }
+}
+
 /// Time step and number of steps.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct TimeSpec {
     /// Time step, s.
     pub step: f64,
@@ -34,39 +49,106 @@ pub struct TimeSpec {
     pub steps: u64,
 }
 
-/// Contact detection and overlap; `None` until the builder knows the bodies.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ContactSpec {
-    /// Contact envelope, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub envelope: Option<f64>,
-    /// Overlap accepted at the start, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub allowed_overlap: Option<f64>,
-    /// Whether bodies that overlap by more are moved apart before the run.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
-    pub relax: bool,
-    /// What becomes of overlap.
-    pub overlap: OverlapCorrection,
-    /// Friction of pairs that are not named.
-    pub friction_rule: PairRule,
-    /// Restitution of pairs that are not named.
-    pub restitution_rule: PairRule,
+table! {
+    /// Contact detection and overlap; `None` until the builder knows the bodies.
+    pub struct ContactSpec: "`[contact]`" {
+        /// Pairs closer than this become contacts
+        envelope: Option<f64> = Quantity(D::LENGTH), "0.05 x the smallest radius", "\"3 cm\"", Positive;
+        /// Largest initial overlap of rigid contacts
+        allowed_overlap: Option<f64> = Quantity(D::LENGTH), "0.01 x the smallest radius",
+            "\"0.1 mm\"", NotNegative;
+        /// Larger initial overlap is removed by displacements before the run, instead of being an error: for
+        /// packings of programs with soft contacts
+        #[serde(skip_serializing_if = "std::ops::Not::not")]
+        relax: bool = Flag, "false", "true";
+        /// How overlap is removed: position (by displacements, without kinetic energy) or velocity (bodies
+        /// separate with the velocity -gap / step and keep it: the paper's scheme)
+        overlap: OverlapCorrection = Text, "\"position\"", "\"velocity\"";
+        /// Friction (sliding, rolling, spinning) of a pair without a `pair` table, from both materials:
+        /// minimum, maximum, mean, geometric-mean
+        friction_rule: PairRule = Text, "\"minimum\"", "\"geometric-mean\"";
+        /// Restitution of such a pair
+        restitution_rule: PairRule = Text, "\"minimum\"", "\"mean\"";
+    }
 }
 
-/// What a run writes, and when.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct OutputSpec {
-    /// Simulated time between frames, s.
-    pub every: f64,
-    /// Whether bodies are written.
-    pub bodies: bool,
-    /// Whether contacts are written.
-    pub contacts: bool,
-    /// Precision of frames.
-    pub precision: Precision,
-    /// Simulated time between checkpoints, s.
-    pub checkpoint_every: f64,
+table! {
+    /// What a run writes, and when.
+    pub struct OutputSpec: "`[output]`" {
+        /// Simulated time between frames; rounded to whole steps
+        every: f64 = Quantity(D::TIME), "end / 100, at least a step", "\"0.1 s\"", Positive => hundredth;
+        /// Write the bodies of each frame
+        bodies: bool = Flag, "true", "false";
+        /// Write the contacts of each frame
+        contacts: bool = Flag, "true", "false";
+        /// Floating-point numbers of the frames: single (for pictures) or double
+        precision: Precision = Text, "\"single\"", "\"double\"";
+        /// Simulated time between checkpoints
+        checkpoint_every: f64 = Quantity(D::TIME), "end / 10, at least a step", "\"1 s\"", Positive => tenth;
+    }
+}
+
+impl Choice for OverlapCorrection {
+    const NAMES: &'static [(&'static str, Self)] =
+        &[("position", Self::Position), ("velocity", Self::Velocity)];
+}
+
+impl Choice for Precision {
+    const NAMES: &'static [(&'static str, Self)] = &[("single", Self::Single), ("double", Self::Double)];
+}
+
+/// A hundredth of the run, s.
+fn hundredth(reader: &Reader, key: &str) -> Result<f64, SceneError> {
+    share(reader, key, 100)
+}
+
+/// A tenth of the run, s.
+fn tenth(reader: &Reader, key: &str) -> Result<f64, SceneError> {
+    share(reader, key, 10)
+}
+
+/// A share of the run in whole steps, s, unless the key says another time.
+fn share(reader: &Reader, key: &str, parts: u64) -> Result<f64, SceneError> {
+    let TimeSpec { step, steps } = reader.context.time;
+    Ok(reader.quantity(key)?.unwrap_or((steps / parts).max(1) as f64 * step))
+}
+
+table! {
+    pub(super) static BODY: "`[body.NAME]`",
+        at most one of ["shape", "parts"],
+        at most one of ["mass", "density"] {
+        /// Shape
+        shape = Table(&SHAPE), "one of shape, parts", "{ sphere = { radius = \"1 cm\" } }";
+        /// Several shapes in one rigid body; overlapping volume counts once. `[]`: a body without contacts,
+        /// with given mass and inertia
+        parts = Tables(PartSpec::TABLE), "one of shape, parts", "[{ shape = { plane = {} } }]";
+        /// Material
+        material = Text, "the only material", "\"glass\"";
+        /// Origin of the body's frame in the world
+        position = Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, \"5 cm\"]";
+        /// Rotation of the body's frame
+        rotation = Table(&ROTATION), "none", "{ axis = [0, 1, 0], angle = \"30 deg\" }";
+        /// Initial velocity of the centre of mass (in a periodic cell relative to its deformation)
+        velocity = Vector(D::SPEED), "[0, 0, 0]", "[\"1 m/s\", 0, 0]";
+        /// Initial angular velocity
+        angular_velocity = Vector(D::ANGULAR_SPEED), "[0, 0, 0]", "[0, 0, \"12 rpm\"]";
+        /// Mass
+        mass = Quantity(D::MASS), "density x volume", "\"3 kg\"", Positive;
+        /// Moments of inertia about the axes of the body's frame through its centre of mass (of a mesh: its
+        /// origin); only with mass
+        inertia = Vector(D::new(2, 1, 0, 0)), "from mass and shape", "[0.2, 0.3, \"0.2 kg m^2\"]", Positive;
+        /// Entries xy, xz, yz of the inertia tensor; only with inertia
+        products = Vector(D::new(2, 1, 0, 0)), "[0, 0, 0]", "[0, 0, \"0.01 kg m^2\"]";
+        /// Centre of mass in the body's frame; only with inertia
+        centre = Vector(D::LENGTH), "that of the shapes", "[0, 0, \"2 cm\"]";
+        /// Density of this body
+        density = Quantity(D::DENSITY), "the material's", "\"7800 kg/m^3\"", Positive;
+        /// free, fixed, or a table of prescribed motions
+        motion = TextOr(MotionSpec::TABLE), "free; fixed for planes and meshes", "\"fixed\"" in MOTIONS;
+        /// Bodies defined above it with which it has no contacts. For the two bodies of a joint this is the
+        /// default
+        ignores = Texts, "[]", "[\"base\"]";
+    }
 }
 
 /// A single body.
@@ -109,15 +191,29 @@ pub struct BodySpec {
     pub location: Location,
 }
 
-/// A shape placed in a body's frame.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct PartSpec {
-    /// The shape.
-    pub shape: ShapeSpec,
-    /// m
-    pub position: Vec3,
-    /// Rotation in the body's frame.
-    pub rotation: RotationSpec,
+table! {
+    /// A shape placed in a body's frame.
+    pub struct PartSpec: "Part of a body, `parts`" {
+        /// Shape
+        shape: ShapeSpec = Table(&SHAPE), "required", "{ box = { size = [1, 1, 1] } }";
+        /// Position in the body's frame
+        position: Vec3 = Vector(D::LENGTH), "[0, 0, 0]", "[\"1 m\", 0, 0]";
+        /// Rotation in the body's frame
+        rotation: RotationSpec = Table(&ROTATION), "none", "{ axis = [0, 0, 1], angle = \"90 deg\" }";
+    }
+}
+
+table! {
+    pub(super) static ROTATION: "`rotation`",
+        at most one of ["angle", "quaternion"],
+        at most one of ["axis", "quaternion"] {
+        /// Axis; any length
+        axis = Direction, "[0, 0, 1]", "[0, 1, 0]";
+        /// Angle about it
+        angle = Quantity(D::ANGLE), "0", "\"30 deg\"";
+        /// The same as a quaternion x, y, z, w
+        quaternion = List(D::NONE), "from axis and angle", "[0, 0, 0, 1]";
+    }
 }
 
 /// A rotation, written as a quaternion x, y, z, w.
@@ -131,5 +227,27 @@ impl Serialize for RotationSpec {
             quaternion: [f64; 4],
         }
         Form { quaternion: self.0.to_array() }.serialize(serializer)
+    }
+}
+
+/// Without the key there is none.
+impl Field for RotationSpec {
+    fn given(parent: &Reader, key: &str) -> Result<Option<Self>, SceneError> {
+        let Some(reader) = parent.child(key)? else { return Ok(Some(Self(Quat::IDENTITY))) };
+        reader.check_alternatives()?;
+        let Some(quaternion) = reader.list("quaternion")? else {
+            return Ok(Some(Self(Quat::from_axis_angle(reader.field("axis")?, reader.field("angle")?))));
+        };
+        let &[x, y, z, w] = quaternion.as_slice() else {
+            return Err(reader.out_of_range("quaternion", "four numbers", quaternion.len()));
+        };
+        let quaternion = Quat::from_xyzw(x, y, z, w);
+        let length = quaternion.length();
+        if !(length.is_finite() && length > 0.0) {
+            return Err(reader.out_of_range("quaternion", "of any length but zero", quaternion));
+        }
+        // A unit quaternion written by `to_toml` must come back unchanged.
+        let is_unit = (length - 1.0).abs() < 1e-14;
+        Ok(Some(Self(if is_unit { quaternion } else { quaternion / length })))
     }
 }

@@ -3,9 +3,89 @@
 use super::error::{Location, SceneError, SceneErrorKind};
 use super::model::FunctionSpec;
 use super::reader::Reader;
+use super::schema::Kind::{self, Function, Quantity, Texts, Vector};
+use super::schema::function::{PRESSURE, RATE};
+use super::schema::{D, Key, Range, Table, key};
+use super::table::Field;
 use graintrain::cell::NAMES;
 use graintrain::math::Vec3;
 use serde::Serialize;
+
+pub(super) static PERIODIC: Table = Table {
+    heading: "`[periodic]`",
+    alternatives: &[&["pressure", "stress"]],
+    keys: &[
+        key("min", Vector(D::LENGTH), "required", "[0, 0, 0]", "Lower corner of the cell"),
+        key(
+            "max",
+            Vector(D::LENGTH),
+            "required",
+            "[\"10 cm\", \"10 cm\", \"20 cm\"]",
+            "Upper corner of the cell",
+        ),
+        key("axes", Texts, "[\"x\", \"y\", \"z\"]", "[\"x\", \"y\"]", "Periodic axes")
+            .one_of(|| DIRECTIONS.to_vec()),
+        RATES,
+        STRESSES,
+        ISOTROPIC,
+        FASTEST,
+    ],
+};
+
+pub(super) static STAGE_PERIODIC: Table = Table {
+    heading: "`stage.periodic`",
+    alternatives: &[&["pressure", "stress"]],
+    keys: &[RATES, STRESSES, ISOTROPIC, FASTEST],
+};
+
+const RATES: Key = key(
+    "rate",
+    Kind::Table(&RATE_COMPONENTS),
+    "zero without a stress",
+    "{ xx = \"-0.1/s\", xy = \"0.5/s\" }",
+    "Velocity gradient by components, ij is du_i/dx_j: positive xx, yy, zz stretch; xy, xz, yz shear",
+);
+const STRESSES: Key = key(
+    "stress",
+    Kind::Table(&STRESS_COMPONENTS),
+    "none",
+    "{ zz = \"10 kPa\" }",
+    "Imposed mean stress by components without a rate, compression positive: the cell deforms until the contact stress equals it",
+);
+const ISOTROPIC: Key = key(
+    "pressure",
+    Function(D::PRESSURE, &PRESSURE),
+    "none",
+    "\"10 kPa\"",
+    "The same value for the stresses xx, yy and zz, each imposed independently",
+);
+const FASTEST: Key = key(
+    "fastest",
+    Quantity(D::RATE),
+    "no limit",
+    "\"1/s\"",
+    "Largest deformation rate due to imposed stresses, only with `stress` or `pressure`; without this limit a loose sample contracts ever faster",
+).within(Range::Positive);
+
+macro_rules! components {
+    ($name:ident, $heading:literal, $dimension:expr, $table:ident, $example:literal) => {
+        static $name: Table = Table {
+            heading: $heading,
+            alternatives: &[],
+            keys: &[
+                key("xx", Function($dimension, &$table), "not imposed", $example, "Component xx"),
+                key("yy", Function($dimension, &$table), "not imposed", $example, "Component yy"),
+                key("zz", Function($dimension, &$table), "not imposed", $example, "Component zz"),
+                key("xy", Function($dimension, &$table), "not imposed", $example, "Component xy"),
+                key("xz", Function($dimension, &$table), "not imposed", $example, "Component xz"),
+                key("yz", Function($dimension, &$table), "not imposed", $example, "Component yz"),
+            ],
+        };
+    };
+}
+
+components!(RATE_COMPONENTS, "`periodic.rate`", D::RATE, RATE, "\"0.1/s\"");
+components!(STRESS_COMPONENTS, "`periodic.stress`", D::PRESSURE, PRESSURE, "\"10 kPa\"");
 
 /// A cell that repeats.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -53,12 +133,11 @@ impl DriveSpec {
 }
 
 /// Axes along which a cell may repeat.
-pub(super) const DIRECTIONS: [&str; 3] = ["x", "y", "z"];
+const DIRECTIONS: [&str; 3] = ["x", "y", "z"];
 
 /// Reads the cell of a scene.
 pub(super) fn read(reader: &Reader) -> Result<PeriodicSpec, SceneError> {
-    let corner = |key: &str| reader.vector(key)?.ok_or_else(|| reader.missing(key));
-    let (min, max) = (corner("min")?, corner("max")?);
+    let (min, max): (Vec3, Vec3) = (reader.field("min")?, reader.field("max")?);
     if !min.cmplt(max).all() {
         return Err(reader.out_of_range("max", "above `min` along every axis", max));
     }
@@ -75,9 +154,15 @@ pub(super) fn read(reader: &Reader) -> Result<PeriodicSpec, SceneError> {
     Ok(PeriodicSpec { min, max, axes, drive: drive(reader)?, location: reader.location().clone() })
 }
 
+impl Field for DriveSpec {
+    fn given(reader: &Reader, key: &str) -> Result<Option<Self>, SceneError> {
+        reader.child(key)?.as_ref().map(drive).transpose()
+    }
+}
+
 /// Reads what drives a cell.
-pub(super) fn drive(reader: &Reader) -> Result<DriveSpec, SceneError> {
-    reader.at_most_one_of(&["pressure", "stress"])?;
+fn drive(reader: &Reader) -> Result<DriveSpec, SceneError> {
+    reader.check_alternatives()?;
     let components = |key: &str| -> Result<Vec<(String, FunctionSpec)>, SceneError> {
         let Some(inner) = reader.child(key)? else { return Ok(Vec::new()) };
         let read = |name: &str| Ok(inner.function(name)?.map(|function| (name.to_string(), function)));

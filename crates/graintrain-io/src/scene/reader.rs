@@ -1,17 +1,20 @@
 //! Reads keys of one table: checks names against the schema, evaluates quantities, checks dimensions and
 //! ranges.
 
-use super::error::{Location, SceneError, SceneErrorKind, closest};
-use super::model::{FunctionFile, FunctionSpec};
+use super::error::{Location, SceneError, SceneErrorKind, Source, closest};
+use super::model::{FunctionFile, FunctionSpec, TimeSpec};
+use super::names::Names;
 use super::parameters::Parameters;
 use super::quantity::Dimension;
-use super::schema::{Key, Kind, Range, Table};
-use super::tree::{Node, Value};
+use super::schema::{self, Key, Kind, REQUIRED, Range, Table};
+use super::table::{Field, Spec};
+use super::tree::{self, Node, Value};
 use graintrain::formula::Formula;
 use graintrain::material::TurningResistance;
 use graintrain::math::Vec3;
 use graintrain::motion::Profile;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Largest count accepted: whatever is counted, more could not be held in memory.
 const LARGEST_COUNT: f64 = 1e12;
@@ -21,6 +24,9 @@ pub(crate) struct Context {
     pub parameters: Parameters,
     /// Folder that paths in the scene are relative to.
     pub folder: PathBuf,
+    pub names: Names,
+    /// Once it is read.
+    pub time: TimeSpec,
 }
 
 /// A table of the scene with the keys that it may have.
@@ -61,9 +67,19 @@ impl<'a> Reader<'a> {
         Ok(reader)
     }
 
+    /// A reader of the whole scene.
+    pub fn of_scene(context: &'a Context, root: &'a Node) -> Result<Self, SceneError> {
+        Self::new(context, root, String::new(), &schema::SCENE)
+    }
+
     /// Where the table is written.
     pub fn location(&self) -> &'a Location {
         &self.node.location
+    }
+
+    /// Where the first of these keys is written that is given, otherwise where the table is.
+    pub fn location_of(&self, keys: &[&str]) -> &'a Location {
+        keys.iter().find_map(|key| self.get(key)).map_or(self.location(), |node| &node.location)
     }
 
     /// The table's name for people.
@@ -80,6 +96,40 @@ impl<'a> Reader<'a> {
     /// would find nothing, and the test of the documentation would not know it.
     fn key(&self, key: &str) -> &'static Key {
         self.table.key(key).unwrap_or_else(|| unreachable!("{} has no key {key}", self.table.heading))
+    }
+
+    /// What the key holds.
+    pub fn kind(&self, key: &str) -> Kind {
+        self.key(key).kind
+    }
+
+    /// The value of a key; where it is not given, that of its default.
+    pub fn field<T: Field>(&self, key: &str) -> Result<T, SceneError> {
+        if let Some(value) = T::given(self, key)? {
+            return Ok(value);
+        }
+        let default = self.key(key).default;
+        if default == REQUIRED {
+            return Err(self.missing(key));
+        }
+        // What follows a colon explains the value.
+        let text = format!("{key} = {}", default.split(": ").next().unwrap_or(default));
+        let node = tree::parse(Arc::new(Source { name: String::new(), text }))
+            .unwrap_or_else(|_| unreachable!("{key} of {}: {default} is no value", self.table.heading));
+        let reader =
+            Reader { context: self.context, node: &node, path: self.path.clone(), table: self.table };
+        T::given(&reader, key)?.ok_or_else(|| self.missing(key))
+    }
+
+    /// What the table under a key says, or without one the defaults of its keys.
+    pub fn field_or_defaults<T: Spec>(&self, key: &str) -> Result<T, SceneError> {
+        self.child(key)?.map_or_else(|| self.defaults(), |inner| T::read(&inner))
+    }
+
+    /// What a table without keys says.
+    pub fn defaults<T: Spec>(&self) -> Result<T, SceneError> {
+        let node = Node { value: Value::Table(Vec::new()), location: self.location().clone() };
+        T::read(&Reader { context: self.context, node: &node, path: self.path.clone(), table: T::TABLE })
     }
 
     /// The value of a key, if given.
@@ -100,7 +150,7 @@ impl<'a> Reader<'a> {
         let key = self.key(key);
         let what = match key.kind {
             Kind::Quantity(dimension) | Kind::QuantityOr(dimension, _) => dimension.to_string(),
-            Kind::Vector(Dimension::NONE) => "three numbers".into(),
+            Kind::Vector(Dimension::NONE) | Kind::Direction => "three numbers".into(),
             Kind::Vector(dimension) => format!("three times {dimension}"),
             Kind::VectorOrQuantity(dimension) => format!("{dimension}, or three times {dimension}"),
             Kind::List(Dimension::NONE) => "a list of numbers".into(),
@@ -148,6 +198,11 @@ impl<'a> Reader<'a> {
         )
     }
 
+    /// At least one of the keys; the first one where there is none.
+    pub fn any_of(&self, keys: &[&str]) -> Result<(), SceneError> {
+        if keys.iter().any(|key| self.get(key).is_some()) { Ok(()) } else { Err(self.missing(keys[0])) }
+    }
+
     /// Exactly one of the keys.
     pub fn one_of(&self, keys: &[&'static str]) -> Result<&'static str, SceneError> {
         let found: Vec<&'static str> = keys.iter().copied().filter(|key| self.get(key).is_some()).collect();
@@ -162,6 +217,22 @@ impl<'a> Reader<'a> {
                 self.location(),
             )),
         }
+    }
+
+    /// The one key that is given of the table's first group of alternatives.
+    pub fn which(&self) -> Result<&'static str, SceneError> {
+        self.one_of(self.table.alternatives[0])
+    }
+
+    /// The same with the table that it leads into.
+    pub fn form(&self) -> Result<(&'static str, Self), SceneError> {
+        let form = self.which()?;
+        Ok((form, self.required_child(form)?))
+    }
+
+    /// At most one key of each group of alternatives.
+    pub fn check_alternatives(&self) -> Result<(), SceneError> {
+        self.table.alternatives.iter().try_for_each(|group| self.at_most_one_of(group).map(|_| ()))
     }
 
     /// At most one of the keys.
@@ -264,11 +335,6 @@ impl<'a> Reader<'a> {
         Ok(Some(if is_length { TurningResistance::Length(value) } else { TurningResistance::Ratio(value) }))
     }
 
-    /// A quantity in SI units that must be given.
-    pub fn required(&self, key: &str) -> Result<f64, SceneError> {
-        self.quantity(key)?.ok_or_else(|| self.missing(key))
-    }
-
     /// The items of a list, if the key is given.
     fn items(&self, key: &str) -> Result<Option<&'a [Node]>, SceneError> {
         match self.get(key) {
@@ -365,17 +431,16 @@ impl<'a> Reader<'a> {
 
     /// The function of time that this table says.
     fn sampled_function(&self, dimension: Dimension) -> Result<FunctionSpec, SceneError> {
-        let form = self.one_of(&["sinusoidal", "table", "file"])?;
-        let inner = self.required_child(form)?;
+        let (form, inner) = self.form()?;
         match form {
             "sinusoidal" => Ok(FunctionSpec::Profile(Profile::Sinusoidal {
-                amplitude: inner.required("amplitude")?,
-                period: inner.required("period")?,
-                phase: inner.quantity("phase")?.unwrap_or(0.0),
+                amplitude: inner.field("amplitude")?,
+                period: inner.field("period")?,
+                phase: inner.field("phase")?,
             })),
             "table" => {
-                let times = inner.list("times")?.ok_or_else(|| inner.missing("times"))?;
-                let values = inner.list("values")?.ok_or_else(|| inner.missing("values"))?;
+                let times: Vec<f64> = inner.field("times")?;
+                let values: Vec<f64> = inner.field("values")?;
                 if times.is_empty() || times.windows(2).any(|pair| pair[1] <= pair[0]) {
                     return Err(inner.out_of_range(
                         "times",
@@ -391,11 +456,11 @@ impl<'a> Reader<'a> {
             }
             _ => Ok(FunctionSpec::File {
                 file: FunctionFile {
-                    path: inner.path("path")?.ok_or_else(|| inner.missing("path"))?,
-                    time: inner.text("time")?.unwrap_or_else(|| "time".into()),
-                    value: inner.text("value")?.unwrap_or_else(|| "value".into()),
+                    path: inner.field("path")?,
+                    time: inner.field("time")?,
+                    value: inner.field("value")?,
                     dimension,
-                    location: inner.get("path").map_or(inner.location(), |node| &node.location).clone(),
+                    location: inner.location_of(&["path"]).clone(),
                 },
             }),
         }
@@ -446,19 +511,14 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// A whole number that must be given.
-    pub fn required_count(&self, key: &str) -> Result<u64, SceneError> {
-        self.count(key)?.ok_or_else(|| self.missing(key))
-    }
-
-    /// Three whole numbers from 1 that must be given.
-    pub fn counts(&self, key: &str) -> Result<[u64; 3], SceneError> {
-        let items = self.items(key)?.ok_or_else(|| self.missing(key))?;
+    /// Three whole numbers from 1, if given.
+    pub fn counts(&self, key: &str) -> Result<Option<[u64; 3]>, SceneError> {
+        let Some(items) = self.items(key)? else { return Ok(None) };
         let path = self.full(key);
         let counts: Vec<u64> =
             items.iter().map(|item| self.whole(&path, item, key)).collect::<Result<_, _>>()?;
         match counts.as_slice() {
-            &[x, y, z] if x.min(y).min(z) > 0 => Ok([x, y, z]),
+            &[x, y, z] if x.min(y).min(z) > 0 => Ok(Some([x, y, z])),
             [_, _, _] => Err(self.out_of_range(key, "at least 1 each", format!("{counts:?}"))),
             _ => Err(self.wrong_type(&path, &self.expectation(key), self.get(key).unwrap_or(self.node))),
         }

@@ -8,18 +8,75 @@
 mod urdf;
 
 use super::error::{SceneError, SceneErrorKind};
-use super::file::{material_name, names_of, rotation};
-use super::joint::{ActuatorSpec, JointSpec, MotorSpec, SpringSpec, StopsSpec, actuator, motor, spring};
+use super::joint::{ANGLES, ActuatorSpec, JointSpec, MotorSpec, SpringSpec, StopsSpec, TORSION_SPRING};
 use super::model::{
-    BodySpec, FunctionSpec, HullSpec, MeshSpec, MotionSpec, PartSpec, RotationSpec, ShapeSpec,
+    BodySpec, FunctionSpec, HullSpec, MeshSpec, MotionSpec, PartSpec, ROTATION, RotationSpec, ShapeSpec,
 };
+use super::names;
 use super::packing::{FileProblem, read_file};
 use super::reader::Reader;
+use super::table::{Spec, table};
 use graintrain::math::{Mat3, Pose, Quat, Vec3, parallel_axis};
 use graintrain::world::MassProperties;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use urdf::{Form, Inertial, Joint, JointKind, Robot};
+
+table! {
+    pub(super) static ROBOT: "`[robot.NAME]`" {
+        /// URDF file: its link L becomes the body `NAME/L`, its joint J the joint `NAME/J`
+        file = Text, "required", "\"arm.urdf\"";
+        /// Origin of its first link in the world
+        position = Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, \"40 cm\"]";
+        /// Rotation of its first link
+        rotation = Table(&ROTATION), "none", "{ axis = [0, 0, 1], angle = \"90 deg\" }";
+        /// Whether its first link is fixed
+        fixed = Flag, "true if its first link is called `world`", "true";
+        /// Material of its links
+        material = Text, "the only material", "\"steel\"";
+        /// Whether its links collide with each other; links connected by a joint never do
+        self_collision = Flag, "false", "true";
+        /// Treatment of moments of inertia that no body can have: file (an error) or mended (they and the
+        /// centre of mass are computed from mass and shapes; for a link without shape as of a sphere)
+        inertia = Text, "\"file\"", "\"mended\"" in INERTIA;
+        /// Elements of its links used as shapes: collision or visual
+        shapes = Text, "\"collision\"", "\"visual\"" in SHAPES;
+        /// Links whose meshes are used directly, as closed surfaces, not their hulls: buckets, wheels with
+        /// grousers
+        solid = Texts, "none", "[\"bucket\"]";
+        /// Maximum number of vertices of the hull of each mesh
+        corners = Count, "64", "128", Positive;
+        /// Folder that holds the packages of its `package://` paths
+        packages = Text, "searched in the parent folders of the file", "\"../share\"";
+        /// Initial positions and drives of its joints, by their names in the file
+        joint = Named(&ROBOT_JOINT), "as in the file",
+            "{ elbow = { angle = \"-90 deg\", motor = { speed = 0 } } }";
+    }
+}
+
+table! {
+    static ROBOT_JOINT: "`[robot.NAME.joint.NAME]`",
+        at most one of ["angle", "slide"],
+        at most one of ["motor", "actuator"],
+        at most one of ["torsion_spring", "spring"] {
+        /// Initial angle in the URDF convention
+        angle = Quantity(D::ANGLE), "0, or the limit nearest to it", "\"30 deg\"";
+        /// Initial displacement in the URDF convention
+        slide = Quantity(D::LENGTH), "0, or the limit nearest to it", "\"5 cm\"";
+        /// As in a joint; the default of the maximum torque is the file's `effort`
+        motor = Table(MotorSpec::TABLE), "none", "{ speed = \"20 rpm\" }";
+        /// The same for a displacement
+        actuator = Table(ActuatorSpec::TABLE), "none", "{ speed = \"5 cm/s\" }";
+        /// As in a joint; its angles are relative to the initial angle
+        torsion_spring = Table(&TORSION_SPRING), "the file's `damping`", "{ stiffness = \"30 N m/rad\" }";
+        /// The same for a displacement
+        spring = Table(SpringSpec::TABLE), "the file's `damping`", "{ stiffness = \"10 kN/m\" }";
+        /// Limits of an angle in the URDF convention
+        angles = Table(&ANGLES), "the file's", "{ upper = \"90 deg\" }";
+        /// Limits of a displacement in the URDF convention
+        travel = Table(StopsSpec::TABLE), "the file's", "{ upper = \"12 cm\" }";
+    }
+}
 
 /// Corners of the hulls of meshes at most: robots' meshes are finer than contacts are worth.
 const CORNERS: u64 = 64;
@@ -56,15 +113,15 @@ struct Lump {
 }
 
 /// Elements of a link that have its shapes.
-pub(super) const SHAPES: &[(&str, &str)] = &[("collision", "collision"), ("visual", "visual")];
+const SHAPES: &[(&str, &str)] = &[("collision", "collision"), ("visual", "visual")];
 
 /// What becomes of moments of inertia that no body can have, and whether that is an error.
-pub(super) const INERTIA: &[(&str, bool)] = &[("file", true), ("mended", false)];
+const INERTIA: &[(&str, bool)] = &[("file", true), ("mended", false)];
 
 /// Reads a robot of the scene and its file.
-pub(super) fn read(name: &str, reader: &Reader, materials: &[&str]) -> Result<Parts, SceneError> {
-    let path = reader.path("file")?.ok_or_else(|| reader.missing("file"))?;
-    let location = reader.get("file").map_or(reader.location(), |node| &node.location);
+pub(super) fn read(name: &str, reader: &Reader) -> Result<Parts, SceneError> {
+    let path: PathBuf = reader.field("file")?;
+    let location = reader.location_of(&["file"]);
     let problem = |problem: FileProblem| problem.located(&path, location);
     let shapes = reader.choice("shapes", SHAPES)?.unwrap_or("collision");
     let robot = urdf::read(&read_file(&path, location)?, shapes).map_err(problem)?;
@@ -78,19 +135,19 @@ pub(super) fn read(name: &str, reader: &Reader, materials: &[&str]) -> Result<Pa
         owners: owners(&robot),
         places: places(&robot, &coordinates, root_pose(reader)?),
         lumps: Vec::new(),
-        solid: names_of(reader, "solid", "link of the file", &links)?,
+        solid: names::list(reader, "solid", "link of the file", &links)?,
         fixed: reader.flag("fixed")?.unwrap_or(robot.links[robot.root].name == "world"),
         robot: &robot,
     };
     let import = Import { lumps: import.lumps(), ..import };
-    let material = material_name(reader, materials)?;
+    let material = names::material(reader)?;
     let bodies = import.bodies(&material)?;
     let joints = import.joints(given, &coordinates).map_err(problem)?;
     Ok(Parts { bodies, joints })
 }
 
 fn root_pose(reader: &Reader) -> Result<Pose, SceneError> {
-    Ok(Pose::from_parts(reader.vector("position")?.unwrap_or(Vec3::ZERO), rotation(reader)?.0))
+    Ok(Pose::from_parts(reader.field("position")?, reader.field::<RotationSpec>("rotation")?.0))
 }
 
 /// What the scene says of each joint of the file.
@@ -115,8 +172,9 @@ fn given(reader: &Reader, robot: &Robot) -> Result<Vec<Given>, SceneError> {
         }
         let [coordinate_key, spring_key, stops_key, _] = own_keys;
         let coordinate = own.quantity(coordinate_key)?;
-        let own_stops = own.child(stops_key)?.as_ref().map(super::joint::stops).transpose()?;
-        let stops = own_stops.map_or([joint.lower, joint.upper], |stops| [stops.lower, stops.upper]);
+        let stops = own
+            .field::<Option<StopsSpec>>(stops_key)?
+            .map_or([joint.lower, joint.upper], |stops| [stops.lower, stops.upper]);
         let (lower, upper) = range(stops);
         if let Some(outside) = coordinate.filter(|x| !(lower..=upper).contains(x)) {
             let requirement = format!("between its stops, {lower} and {upper}");
@@ -124,9 +182,9 @@ fn given(reader: &Reader, robot: &Robot) -> Result<Vec<Given>, SceneError> {
         }
         Ok(Given {
             coordinate,
-            motor: own.child("motor")?.as_ref().map(motor).transpose()?,
-            actuator: own.child("actuator")?.as_ref().map(actuator).transpose()?,
-            spring: own.child(spring_key)?.as_ref().map(spring).transpose()?,
+            motor: own.field("motor")?,
+            actuator: own.field("actuator")?,
+            spring: own.field(spring_key)?,
             stops,
         })
     };
@@ -247,7 +305,7 @@ impl Import<'_> {
     }
 
     fn bodies(&self, material: &str) -> Result<Vec<(String, BodySpec)>, SceneError> {
-        let collide = self.reader.flag("self_collision")?.unwrap_or(false);
+        let collide: bool = self.reader.field("self_collision")?;
         let mut bodies: Vec<(String, BodySpec)> = Vec::new();
         let in_order =
             std::iter::once(self.robot.root).chain(self.robot.joints.iter().map(|joint| joint.child));
@@ -330,8 +388,7 @@ impl Import<'_> {
     }
 
     fn refuse(&self, problem: FileProblem) -> SceneError {
-        problem
-            .located(self.path, self.reader.get("file").map_or(self.reader.location(), |node| &node.location))
+        problem.located(self.path, self.reader.location_of(&["file"]))
     }
 
     /// A shape of a link of this number.

@@ -2,9 +2,32 @@
 
 use super::error::SceneError;
 use super::reader::Reader;
+use super::table::table;
 use graintrain::stepper::SolverChoice;
 use graintrain_ccp::{CcpError, Criterion, FrictionModel, SolverSpec};
 use serde::{Serialize, Serializer};
+
+table! {
+    pub(super) static SOLVER: "`[solver]`" {
+        /// Solver, optionally with its linear solver after a `+`
+        name = Text, "\"auto\"", "\"apgd\"";
+        /// Residual at which it stops: its root mean square, with 20 times that for the worst contact. 1e-4:
+        /// the root mean square velocity error at contacts is 1e-4 of gravity times step. A value above 1e-2
+        /// has no effect
+        tolerance = Quantity(D::NONE), "1e-4", "1e-5", Positive;
+        /// Whether the tolerance applies to the worst contact
+        strict_max = Flag, "false", "true";
+        /// Limit of iterations of a connected part of the contacts in a step, in iterations of projected
+        /// gradients (default below 1 024 contacts: up to five times as many). If the limit is reached, the
+        /// step uses the best impulses and counts as not converged. If these are far from a solution and no
+        /// limit is given, convex problems are solved in addition, so that no bodies approach. Relaxed
+        /// solves, and methods that count other iterations, have their own limits
+        max_iterations = Count, "6000, more for few contacts", "2000", Positive;
+        /// coulomb (exact) or relaxed (cone complementarity, the paper's model: a sliding contact separates
+        /// by mu times its slip)
+        friction = Text, "\"coulomb\"", "\"relaxed\"" in FrictionModel::NAMES;
+    }
+}
 
 /// Reads the table; what it does not name is the default of [`SolverChoice`].
 pub(super) fn read(reader: Option<Reader>) -> Result<SolverChoice, SceneError> {

@@ -1,127 +1,129 @@
 //! Stages as a scene asks for them.
 
-use super::error::{Location, SceneError, SceneErrorKind};
-use super::file::{motion, names_of, region};
+use super::error::{SceneError, SceneErrorKind};
 use super::measure::MeasureSpec;
-use super::model::{FunctionSpec, MotionSpec};
-use super::periodic::{self, DriveSpec};
+use super::model::{FunctionSpec, MOTIONS, MotionSpec};
+use super::names;
+use super::periodic::{DriveSpec, STAGE_PERIODIC};
 use super::reader::Reader;
+use super::region::REGION;
+use super::schema::{Table, in_order};
 use super::stream::StreamSpec;
+use super::table::{Spec, table};
 use graintrain::load::Region;
-use serde::Serialize;
 
-/// A stage.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct StageSpec {
-    /// Its name.
-    pub name: String,
-    /// Longest duration, s.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub time: Option<f64>,
-    /// Shortest duration, s.
-    pub at_least: f64,
-    /// J per body.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub kinetic_energy: Option<f64>,
-    /// Share of the mean contact force.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub unbalanced_force: Option<f64>,
-    /// Whether it ends when all streams have given all.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
-    pub filled: bool,
+table! {
+    /// A stage.
+    pub struct StageSpec: "`[[stage]]`", checked by check {
+        /// Name
+        name: String = Text, "required", "\"settle\"";
+        /// Maximum duration of the stage
+        time: Option<f64> = Quantity(D::TIME), "until `[time]` ends the run", "\"2 s\"", Positive;
+        /// Minimum duration before the conditions below apply
+        at_least: f64 = Quantity(D::TIME), "0", "\"50 ms\"", NotNegative;
+        /// The stage ends when the kinetic energy per body that can move is below this
+        kinetic_energy: Option<f64> = Quantity(D::ENERGY), "none", "\"1e-9 J\"", Positive;
+        /// The stage ends when the mean net force on bodies is below this fraction of the mean contact force.
+        /// With few contacts this is true at once: give `at_least`
+        unbalanced_force: Option<f64> = Quantity(D::NONE), "none", "0.01", Positive;
+        /// The stage ends when all streams active in it have inserted all their bodies
+        #[serde(skip_serializing_if = "std::ops::Not::not")]
+        filled: bool = Flag, "false", "true";
+        /// The stage ends when a measured quantity is steady
+        steady: Option<SteadySpec> = Table(SteadySpec::TABLE), "none",
+            "{ measure = \"cell\", column = \"tau_over_sigma\", over = \"0.5 s\" }";
+        /// Bodies grow; the stage ends when the porosity is reached
+        growth: Option<GrowthSpec> = Table(GrowthSpec::TABLE),
+            "none",
+            "{ packings = [\"sand\"], rate = 0.2, porosity = 0.4, region = { box = { min = [0, 0, 0], max = [1, 1, 1] } } }";
+        /// Rates and stresses of the periodic cell from this stage on; other components have rate zero. `t`
+        /// is the time since the stage began
+        periodic: Option<DriveSpec> = Table(&STAGE_PERIODIC), "unchanged",
+            "{ pressure = \"10 kPa\", rate = { xy = \"0.1/s\" } }";
+        /// The loads that act from this stage on; all others are off
+        loads: Option<Vec<String>> = Texts, "unchanged", "[\"press\"]" => names::loads;
+        /// Gravity from this stage on
+        gravity: Option<[FunctionSpec; 3]> = Functions(D::ACCELERATION, &ACCELERATION), "unchanged",
+            "[0, 0, 0]";
+        /// Properties of materials from this stage on; values of `pair` tables do not change
+        #[serde(serialize_with = "super::in_order", skip_serializing_if = "Vec::is_empty")]
+        material: Vec<(String, StageMaterial)> = Named(StageMaterial::TABLE), "unchanged",
+            "{ glass = { friction = 0 } }";
+        /// Motions of bodies from this stage on
+        #[serde(serialize_with = "super::in_order", skip_serializing_if = "Vec::is_empty")]
+        body: Vec<(String, StageBody)> = Named(StageBody::TABLE), "unchanged",
+            "{ lower = { motion = \"fixed\" } }";
+        location
+    }
+}
+
+/// The keys of a stage as the documentation has them: what is changed before what acts.
+pub(super) static STAGE: Table = Table {
+    keys: &in_order(StageSpec::TABLE.keys, [0, 1, 2, 3, 4, 5, 6, 7, 10, 11, 12, 8, 9]),
+    ..*StageSpec::TABLE
+};
+
+table! {
     /// A measured quantity that is steady.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub steady: Option<SteadySpec>,
-    /// Bodies that grow.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub growth: Option<GrowthSpec>,
-    /// What drives the periodic cell.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub periodic: Option<DriveSpec>,
-    /// Names of the loads that act.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub loads: Option<Vec<String>>,
-    /// m/s^2
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub gravity: Option<[FunctionSpec; 3]>,
-    /// Changes of materials by name.
-    #[serde(rename = "material", serialize_with = "super::in_order", skip_serializing_if = "Vec::is_empty")]
-    pub materials: Vec<(String, StageMaterial)>,
-    /// Changes of bodies by name.
-    #[serde(rename = "body", serialize_with = "super::in_order", skip_serializing_if = "Vec::is_empty")]
-    pub bodies: Vec<(String, StageBody)>,
-    /// Where it is written.
-    #[serde(skip)]
-    pub location: Location,
+    pub struct SteadySpec: "`stage.steady`" {
+        /// Name of the measurement, one without bins
+        measure: String = Text, "required", "\"cell\"" => names::measure;
+        /// Column of its table
+        column: String = Text, "required", "\"tau_over_sigma\"";
+        /// Time span of the latest records, divided into two halves; at least four records
+        over: f64 = Quantity(D::TIME), "required", "\"0.5 s\"", Positive;
+        /// Steady if the means of both halves differ by at most this fraction of the mean
+        change: f64 = Quantity(D::NONE), "0.01", "0.02", NotNegative;
+        /// Or by at most this value, in the unit of the column (SI)
+        within: f64 = Quantity(D::NONE), "0", "1e-3", NotNegative;
+    }
 }
 
-/// A measured quantity that is steady.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct SteadySpec {
-    /// Name of the measurement.
-    pub measure: String,
-    /// Column of its table.
-    pub column: String,
-    /// s
-    pub over: f64,
-    /// Relative to the mean.
-    pub change: f64,
-    /// In the unit of the column.
-    pub within: f64,
+table! {
+    /// Bodies that grow to a porosity.
+    pub struct GrowthSpec: "`stage.growth`", checked by is_porosity {
+        /// Packings that grow
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        packings: Vec<String> = Texts, "all, or those of streams", "[\"sand\"]" => names::packings;
+        /// Streams whose bodies grow
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        streams: Vec<String> = Texts, "all, or those of packings", "[\"rain\"]" => names::streams;
+        /// Relative growth rate of all lengths; growth pauses while bodies overlap by more than 1 % of their
+        /// size
+        rate: f64 = Quantity(D::RATE), "required", "\"0.2/s\"", Positive;
+        /// Porosity at which growth and the stage end
+        porosity: f64 = Quantity(D::NONE), "required", "0.4", Positive;
+        /// Region in which the porosity is measured
+        region: Region = Table(&REGION), "required", "{ box = { min = [0, 0, 0], max = [1, 1, 1] } }";
+    }
 }
 
-/// Bodies that grow to a porosity.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct GrowthSpec {
-    /// Names of packings; without these and streams all bodies that can move.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub packings: Vec<String>,
-    /// Names of streams.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub streams: Vec<String>,
-    /// 1/s
-    pub rate: f64,
-    /// Porosity at which it ends.
-    pub porosity: f64,
-    /// Where porosity is taken.
-    pub region: Region,
+table! {
+    /// What changes of a material.
+    pub struct StageMaterial: "`stage.material.NAME`" {
+        /// Coefficient of friction with itself
+        friction: Option<f64> = Quantity(D::NONE), "unchanged", "0.5", NotNegative;
+        /// Coefficient of restitution with itself, 0 to 1
+        restitution: Option<f64> = Quantity(D::NONE), "unchanged", "0", ZeroToOne;
+    }
 }
 
-/// What changes of a material.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct StageMaterial {
-    /// Coefficient of friction with itself.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub friction: Option<f64>,
-    /// Coefficient of restitution with itself.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub restitution: Option<f64>,
-}
-
-/// What changes of a body.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct StageBody {
-    /// How it moves.
-    pub motion: MotionSpec,
-}
-
-/// What stages may name.
-pub(super) struct Names<'a> {
-    pub materials: &'a [&'a str],
-    pub bodies: &'a [&'a str],
-    pub loads: &'a [&'a str],
-    pub packings: &'a [&'a str],
-    pub streams: &'a [&'a str],
-    pub measures: &'a [&'a str],
+table! {
+    /// What changes of a body.
+    pub struct StageBody: "`stage.body.NAME`" {
+        /// free, fixed, or a table as for bodies; `t` is the time since the stage began
+        motion: MotionSpec = TextOr(MotionSpec::TABLE), "required",
+            "{ translation = [{ direction = [1, 0, 0], speed = 0.1 }] }" in MOTIONS => prescribed;
+    }
 }
 
 /// Reads the stages of a scene.
-pub(super) fn read(scene: &Reader, names: &Names<'_>) -> Result<Vec<StageSpec>, SceneError> {
+pub(super) fn read(scene: &Reader) -> Result<Vec<StageSpec>, SceneError> {
     let tables = scene.tables("stage")?;
     let last = tables.len().saturating_sub(1);
     let mut stages: Vec<StageSpec> = Vec::new();
     for (number, reader) in tables.iter().enumerate() {
-        let stage = one(reader, names)?;
+        let stage = StageSpec::read(reader)?;
         if stages.iter().any(|known| known.name == stage.name) {
             let problem = format!("there are two stages named `{}`", stage.name);
             return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
@@ -132,7 +134,7 @@ pub(super) fn read(scene: &Reader, names: &Names<'_>) -> Result<Vec<StageSpec>, 
             || stage.filled
             || stage.steady.is_some()
             || stage.growth.is_some();
-        if stage.filled && names.streams.is_empty() {
+        if stage.filled && scene.context.names.streams.is_empty() {
             let problem =
                 format!("the stage `{}` ends when streams have given all, but there are none", stage.name);
             return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
@@ -195,70 +197,24 @@ pub(super) fn check_ends(
     Ok(())
 }
 
-fn steady(reader: &Reader, names: &Names<'_>) -> Result<SteadySpec, SceneError> {
-    let measure = reader.text("measure")?.ok_or_else(|| reader.missing("measure"))?;
-    if !names.measures.contains(&measure.as_str()) {
-        return Err(reader.unknown_name("measure", "measure", &measure, names.measures.iter().copied()));
-    }
-    Ok(SteadySpec {
-        measure,
-        column: reader.text("column")?.ok_or_else(|| reader.missing("column"))?,
-        over: reader.required("over")?,
-        change: reader.quantity("change")?.unwrap_or(0.01),
-        within: reader.quantity("within")?.unwrap_or(0.0),
-    })
+/// Refuses changes of what is not there.
+fn check(stage: &StageSpec, reader: &Reader) -> Result<(), SceneError> {
+    let known = &reader.context.names;
+    let (materials, bodies) = (&stage.material, &stage.body);
+    materials
+        .iter()
+        .try_for_each(|(name, _)| names::check(reader, "material", "material", name, &known.materials))?;
+    bodies.iter().try_for_each(|(name, _)| names::check(reader, "body", "body", name, &known.bodies))
 }
 
-fn growth(reader: &Reader, names: &Names<'_>) -> Result<GrowthSpec, SceneError> {
-    let porosity = reader.required("porosity")?;
-    if porosity >= 1.0 {
-        return Err(reader.out_of_range("porosity", "between 0 and 1", porosity));
+fn is_porosity(growth: &GrowthSpec, reader: &Reader) -> Result<(), SceneError> {
+    match growth.porosity {
+        below if below < 1.0 => Ok(()),
+        other => Err(reader.out_of_range("porosity", "between 0 and 1", other)),
     }
-    Ok(GrowthSpec {
-        packings: names_of(reader, "packings", "packing", names.packings)?,
-        streams: names_of(reader, "streams", "stream", names.streams)?,
-        rate: reader.required("rate")?,
-        porosity,
-        region: region(&reader.required_child("region")?)?,
-    })
 }
 
-fn one(reader: &Reader, names: &Names<'_>) -> Result<StageSpec, SceneError> {
-    let known = |key: &str, what: &str, name: &str, known: &[&str]| match known.contains(&name) {
-        true => Ok(()),
-        false => Err(reader.unknown_name(key, what, name, known.iter().copied())),
-    };
-    let materials = reader.named("material")?.into_iter().map(|(name, inner)| {
-        known("material", "material", &name, names.materials)?;
-        let friction = inner.quantity("friction")?;
-        let restitution = inner.quantity("restitution")?;
-        Ok((name, StageMaterial { friction, restitution }))
-    });
-    let bodies = reader.named("body")?.into_iter().map(|(name, inner)| {
-        known("body", "body", &name, names.bodies)?;
-        if inner.get("motion").is_none() {
-            return Err(inner.missing("motion"));
-        }
-        Ok((name, StageBody { motion: motion(&inner, false)? }))
-    });
-    let loads = reader.texts("loads")?;
-    for name in loads.iter().flatten() {
-        known("loads", "load", name, names.loads)?;
-    }
-    Ok(StageSpec {
-        name: reader.text("name")?.ok_or_else(|| reader.missing("name"))?,
-        time: reader.quantity("time")?,
-        at_least: reader.quantity("at_least")?.unwrap_or(0.0),
-        kinetic_energy: reader.quantity("kinetic_energy")?,
-        unbalanced_force: reader.quantity("unbalanced_force")?,
-        filled: reader.flag("filled")?.unwrap_or(false),
-        steady: reader.child("steady")?.map(|inner| steady(&inner, names)).transpose()?,
-        growth: reader.child("growth")?.map(|inner| growth(&inner, names)).transpose()?,
-        periodic: reader.child("periodic")?.map(|inner| periodic::drive(&inner)).transpose()?,
-        loads,
-        gravity: reader.functions("gravity")?,
-        materials: materials.collect::<Result<_, SceneError>>()?,
-        bodies: bodies.collect::<Result<_, SceneError>>()?,
-        location: reader.location().clone(),
-    })
+/// The motion of a body, which has to be given.
+fn prescribed(body: &Reader, key: &str) -> Result<MotionSpec, SceneError> {
+    if body.get(key).is_none() { Err(body.missing(key)) } else { MotionSpec::of_body(body, false) }
 }

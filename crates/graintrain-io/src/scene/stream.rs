@@ -1,13 +1,59 @@
 //! Streams and outlets as a scene asks for them.
 
 use super::error::{Location, SceneError, SceneErrorKind};
-use super::file::{grains, region};
+use super::file::grains;
 use super::measure::PlaneSpec;
-use super::model::GrainSpec;
+use super::model::{GrainSpec, PartSpec, SHAPE};
+use super::names;
+use super::radius::RADIUS;
 use super::reader::Reader;
+use super::region::{REGION, region};
+use super::table::{Spec, table};
 use graintrain::load::Region;
-use graintrain::math::Vec3;
 use serde::Serialize;
+
+table! {
+    pub(super) static STREAM: "`[stream.NAME]`",
+        at most one of ["radius", "shape", "parts"],
+        at most one of ["rate", "mass_rate"] {
+        /// Bodies enter completely inside, at random positions without overlap; if there is none, the
+        /// insertion is delayed
+        region = Table(&REGION), "required",
+            "{ cylinder = { base = [0, 0, 1], radius = 0.1, height = 0.1 } }";
+        /// Radius of spheres: one value, or a distribution
+        radius = QuantityOr(D::LENGTH, &RADIUS), "one of radius, shape, parts", "\"5 mm\"", Positive;
+        /// Shape of the bodies
+        shape = Table(&SHAPE), "one of radius, shape, parts", "{ box = { size = [0.01, 0.01, 0.02] } }";
+        /// Several shapes in each body (clumps)
+        parts = Tables(PartSpec::TABLE),
+            "one of radius, shape, parts",
+            "[{ shape = { sphere = { radius = 1 } } }, { shape = { sphere = { radius = 1 } }, position = [1, 0, 0] }]";
+        /// Random orientations
+        random_rotation = Flag, "false", "true";
+        /// Material
+        material = Text, "the only material", "\"glass\"";
+        /// Initial velocity
+        velocity = Vector(D::SPEED), "[0, 0, 0]", "[0, 0, \"-1 m/s\"]";
+        /// Bodies keep their orientation
+        lock_rotation = Flag, "false", "true";
+        /// Bodies per second; delayed bodies enter later
+        rate = Quantity(D::RATE), "as many as fit", "\"200/s\"", Positive;
+        /// Mass per second, instead of `rate`
+        mass_rate = Quantity(D::MASS_RATE), "as many as fit", "\"0.5 kg/s\"", Positive;
+        /// Maximum number of bodies
+        count = Count, "no limit", "500";
+        /// Maximum total mass
+        mass = Quantity(D::MASS), "no limit", "\"2 kg\"", Positive;
+        /// When it begins; with `stage` relative to the beginning of that stage
+        start = Quantity(D::TIME), "0", "\"0.1 s\"", NotNegative;
+        /// When it ends, likewise
+        end = Quantity(D::TIME), "no limit", "\"2 s\"", Positive;
+        /// Active only in the stage of this name
+        stage = Text, "all stages", "\"fill\"";
+        /// Seed of this stream
+        seed = Count, "seed of the scene + number of the stream + 1000", "7";
+    }
+}
 
 /// A stream of bodies.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -44,6 +90,30 @@ pub struct StreamSpec {
     pub location: Location,
 }
 
+table! {
+    pub(super) static OUTLET: "`[outlet.NAME]`", at most one of ["behind", "outside", "inside"] {
+        /// Bodies of packings and streams leave when their centre of mass is on the side of the plane to
+        /// which its normal points
+        behind = Table(&BEHIND), "one of behind, outside, inside",
+            "{ point = [0, 0, -0.1], normal = [0, 0, -1] }";
+        /// They leave when it is outside the region
+        outside = Table(&REGION), "one of behind, outside, inside",
+            "{ box = { min = [-1, -1, -1], max = [1, 1, 1] } }";
+        /// They leave when it is inside the region
+        inside = Table(&REGION), "one of behind, outside, inside",
+            "{ box = { min = [-1, -1, -1], max = [1, 1, 0] } }";
+    }
+}
+
+table! {
+    static BEHIND: "`outlet.NAME.behind`" {
+        /// A point of the plane
+        point = Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, \"-10 cm\"]";
+        /// Its normal, of any length
+        normal = Direction, "[0, 0, -1]", "[1, 0, 0]";
+    }
+}
+
 /// A way out.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OutletSpec {
@@ -67,30 +137,19 @@ pub enum ExitSpec {
 /// Most bodies of a stream; more would not fit into memory.
 const MOST_BODIES: u64 = 100_000_000;
 
-/// Reads a stream of a scene with these materials and stages.
-pub(super) fn read(
-    reader: &Reader,
-    materials: &[&str],
-    stages: &[&str],
-    default_seed: u64,
-) -> Result<StreamSpec, SceneError> {
-    let stage = match reader.text("stage")? {
-        Some(name) if !stages.contains(&name.as_str()) => {
-            return Err(reader.unknown_name("stage", "stage", &name, stages.iter().copied()));
-        }
-        stage => stage,
-    };
-    reader.at_most_one_of(&["rate", "mass_rate"])?;
+/// Reads a stream of a scene.
+pub(super) fn read(reader: &Reader, default_seed: u64) -> Result<StreamSpec, SceneError> {
+    reader.check_alternatives()?;
     let spec = StreamSpec {
-        region: region(&reader.required_child("region")?)?,
-        grains: grains(reader, materials)?,
+        region: reader.field("region")?,
+        grains: grains(reader)?,
         rate: reader.quantity("rate")?,
         mass_rate: reader.quantity("mass_rate")?,
         count: reader.count("count")?,
         mass: reader.quantity("mass")?,
-        start: reader.quantity("start")?.unwrap_or(0.0),
+        start: reader.field("start")?,
         end: reader.quantity("end")?,
-        stage,
+        stage: names::stage(reader, "stage")?,
         seed: reader.count("seed")?.unwrap_or(default_seed),
         location: reader.location().clone(),
     };
@@ -117,13 +176,9 @@ pub(super) fn read(
 
 /// Reads an outlet.
 pub(super) fn read_outlet(reader: &Reader) -> Result<OutletSpec, SceneError> {
-    let form = reader.one_of(&["behind", "outside", "inside"])?;
-    let inner = reader.required_child(form)?;
+    let (form, inner) = reader.form()?;
     let exit = match form {
-        "behind" => ExitSpec::Behind(PlaneSpec {
-            point: inner.vector("point")?.unwrap_or(Vec3::ZERO),
-            normal: inner.direction("normal")?.unwrap_or(Vec3::NEG_Z),
-        }),
+        "behind" => ExitSpec::Behind(PlaneSpec::read(&inner)?),
         "outside" => ExitSpec::Outside(region(&inner)?),
         _ => ExitSpec::Inside(region(&inner)?),
     };

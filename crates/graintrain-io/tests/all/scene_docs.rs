@@ -10,6 +10,7 @@ fn kind(kind: Kind) -> String {
     match kind {
         Kind::Quantity(dimension) => unit(dimension.unit()),
         Kind::Vector(dimension) => format!("3 x {}", unit(dimension.unit())),
+        Kind::Direction => "3 x number".into(),
         Kind::VectorOrQuantity(dimension) => {
             let unit = unit(dimension.unit());
             format!("{unit}, or 3 x {unit}")

@@ -5,7 +5,7 @@ use super::super::joint::{JointSpec, SpringSpec, StopsSpec};
 use super::super::model::FunctionSpec;
 use super::{Builder, function, model_error};
 use graintrain::handle::{BodyId, JointId};
-use graintrain::joint::{Joint, JointKind, Limits, Motor, Spring};
+use graintrain::joint::{Joint, Limits, Motor, Spring};
 use graintrain::motion::Profile;
 
 /// A motor with this speed and this limit, or with this force.
@@ -36,29 +36,13 @@ impl Builder {
             [a, b] => [body(a), body(b)],
             _ => [None, None],
         };
-        let number = |label: &String| {
+        let number = |label: &str| {
             JointId::from_index(all.iter().position(|(other, _)| other == label).unwrap_or(all.len()))
         };
-        let point = spec.point.unwrap_or_default();
-        let axis = spec.axis.unwrap_or_default();
-        let kind = match (spec.kind, spec.ends, spec.joints.as_slice()) {
-            ("fixed", ..) => JointKind::Fixed { point },
-            ("revolute", ..) => JointKind::Revolute { point, axis },
-            ("prismatic", ..) => JointKind::Prismatic { point, axis },
-            ("cylindrical", ..) => {
-                JointKind::Cylindrical { point, axis, coordinate: spec.along.unwrap_or_default() }
-            }
-            ("spherical", ..) => JointKind::Spherical { point },
-            (_, Some(ends), _) => JointKind::Distance { ends },
-            (_, None, [first, second]) => JointKind::Gear {
-                joints: [number(first), number(second)],
-                ratio: spec.ratio.unwrap_or_default(),
-            },
-            _ => {
-                let problem = format!("`joint.{name}` is incomplete");
-                return Err(SceneError::at(SceneErrorKind::Contradiction(problem), &spec.location));
-            }
-        };
+        let kind = (spec.kind.make)(spec, &number).ok_or_else(|| {
+            let problem = format!("`joint.{name}` is incomplete");
+            SceneError::at(SceneErrorKind::Contradiction(problem), &spec.location)
+        })?;
         let turning = spec.motor.as_ref().map(|m| motor(m.speed.as_ref(), m.torque.as_ref()));
         let sliding = spec.actuator.as_ref().map(|m| motor(m.speed.as_ref(), m.force.as_ref()));
         let spring = spec.torsion_spring.as_ref().or(spec.spring.as_ref());
@@ -66,12 +50,12 @@ impl Builder {
             let rest = rest.as_ref().map(function).transpose()?;
             Ok(Spring { stiffness: *stiffness, damping: *damping, rest })
         });
-        let stops = spec.angles.or(spec.travel);
+        let stops = spec.angles.as_ref().or(spec.travel.as_ref());
         let joint = Joint {
             name: name.to_string(),
             motor: turning.or(sliding).transpose()?.flatten(),
             spring: spring.transpose()?,
-            limits: stops.map(|StopsSpec { lower, upper }| Limits { lower, upper }),
+            limits: stops.map(|StopsSpec { lower, upper }| Limits { lower: *lower, upper: *upper }),
             collide: spec.collide,
             ..Joint::new(bodies, kind)
         };

@@ -23,14 +23,14 @@ impl Builder {
         for spec in &scene.stages {
             let fail =
                 |problem: String| SceneError::at(SceneErrorKind::Contradiction(problem), &spec.location);
-            for (name, change) in &spec.materials {
+            for (name, change) in &spec.material {
                 for (_, material) in list.iter_mut().filter(|(known, _)| known == name) {
                     material.friction = change.friction.unwrap_or(material.friction);
                     material.restitution = change.restitution.unwrap_or(material.restitution);
                 }
             }
             let mut motions = Vec::new();
-            for (name, body) in &spec.bodies {
+            for (name, body) in &spec.body {
                 let id = self.bodies_named(std::slice::from_ref(name), &[]).unwrap_or_default()[0];
                 let centre = self.centres.get(&id.index()).copied().unwrap_or_default();
                 let motion = motion_of(&body.motion, centre)?;
@@ -84,7 +84,7 @@ impl Builder {
                     region: growth.region.clone(),
                 }),
                 gravity,
-                materials: if spec.materials.is_empty() {
+                materials: if spec.material.is_empty() {
                     None
                 } else {
                     Some(materials(scene, &list, Some(&spec.location))?.0)
@@ -99,7 +99,7 @@ impl Builder {
 
     /// Bodies that a stage frees, wholly or in part.
     pub(super) fn freed_by_stages(&self, scene: &Scene) -> Vec<BodyId> {
-        let changed = scene.stages.iter().flat_map(|stage| &stage.bodies);
+        let changed = scene.stages.iter().flat_map(|stage| &stage.body);
         changed
             .filter(|(_, body)| body.motion.free.contains(&true))
             .flat_map(|(name, _)| self.bodies_named(std::slice::from_ref(name), &[]).unwrap_or_default())

@@ -1,50 +1,94 @@
 //! Loads.
 
-use super::super::error::Location;
+use super::super::error::{SceneError, SceneErrorKind};
+use super::super::names;
+use super::super::reader::Reader;
+use super::super::region::REGION;
+use super::super::table::{Choice, table};
 use super::FunctionSpec;
 use graintrain::load::Region;
 use graintrain::math::Vec3;
 use graintrain::motion::Axes;
-use serde::Serialize;
 
-/// Forces, torques and fields on some bodies.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct LoadSpec {
-    /// Names of single bodies; without these and packings all bodies.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub bodies: Vec<String>,
-    /// Names of packings.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub packings: Vec<String>,
-    /// Where it acts.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub region: Option<Region>,
-    /// N
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub force: Option<[FunctionSpec; 3]>,
-    /// Where the force acts in the body's frame, m; `None`: at the centre of mass.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub point: Option<Vec3>,
-    /// N m
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub torque: Option<[FunctionSpec; 3]>,
-    /// Axes of force and torque.
-    pub axes: Axes,
-    /// Stress on an area.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub pressure: Option<PressureSpec>,
-    /// Uniform field, m/s^2.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub acceleration: Option<[FunctionSpec; 3]>,
-    /// Central field.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub central: Option<CentralSpec>,
-    /// Drag.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub drag: Option<DragSpec>,
-    /// Where it is written.
-    #[serde(skip)]
-    pub location: Location,
+table! {
+    /// Forces, torques and fields on some bodies.
+    pub struct LoadSpec: "`[load.NAME]`", checked by check {
+        /// Bodies by name
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        bodies: Vec<String> = Texts, "all bodies, or those of packings", "[\"wheel\"]" => names::bodies;
+        /// All bodies of packings by name
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        packings: Vec<String> = Texts, "all bodies, or those of bodies", "[\"grains\"]" => names::packings;
+        /// Acts only on bodies whose centre of mass is inside
+        region: Option<Region> = Table(&REGION), "everywhere",
+            "{ box = { min = [0, 0, 0], max = [1, 1, 1] } }";
+        /// Force on each body; components are functions of time, `t` is the time of the run
+        force: Option<[FunctionSpec; 3]> = Functions(D::FORCE, &FORCE), "none",
+            "[0, 0, \"2 kN * sin(2*pi*t/4 s)\"]";
+        /// Point of application in the body's frame
+        point: Option<Vec3> = Vector(D::LENGTH), "the centre of mass", "[0, 0, \"5 cm\"]";
+        /// Torque on each body
+        torque: Option<[FunctionSpec; 3]> = Functions(D::ENERGY, &TORQUE), "none", "[0, \"3 N m\", 0]";
+        /// Axes of force and torque: world, or body (rotating with it)
+        axes: Axes = Text, "\"world\"", "\"body\"";
+        /// Force of a stress on an area, for a wall that is free in its direction
+        pressure: Option<PressureSpec> = Table(PressureSpec::TABLE), "none",
+            "{ stress = \"10 kPa\", area = 0.04, direction = [0, 0, -1] }";
+        /// Uniform field: the same acceleration for every body
+        acceleration: Option<[FunctionSpec; 3]> = Functions(D::ACCELERATION, &ACCELERATION), "none",
+            "[\"0.3 m/s^2 * sin(2*pi*t/1 s)\", 0, 0]";
+        /// Central field
+        central: Option<CentralSpec> = Table(CentralSpec::TABLE), "none",
+            "{ point = [0, 0, 0], strength = 9.81, distance = 1 }";
+        /// Drag of a medium, -(linear + quadratic |u|) u with the velocity u relative to it
+        drag: Option<DragSpec> = Table(DragSpec::TABLE), "none", "{ linear = \"0.2 N s/m\" }";
+        location
+    }
+}
+
+table! {
+    /// A stress on an area.
+    pub struct PressureSpec: "`pressure`" {
+        /// Stress, a function of time
+        stress: FunctionSpec = Function(D::PRESSURE, &PRESSURE), "required", "\"10 kPa\"";
+        /// Area on which it acts
+        area: f64 = Quantity(D::AREA), "required", "\"400 cm^2\"", Positive;
+        /// Direction of the force in the world; any length
+        direction: Vec3 = Direction, "required", "[0, 0, -1]";
+    }
+}
+
+table! {
+    /// A central field.
+    pub struct CentralSpec: "`central`" {
+        /// The centre
+        point: Vec3 = Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, \"-1 m\"]";
+        /// Acceleration towards the centre at `distance`; negative: away from it
+        strength: f64 = Quantity(D::ACCELERATION), "required", "9.81";
+        /// Distance at which the acceleration is `strength`
+        distance: f64 = Quantity(D::LENGTH), "1", "\"6371 km\"", Positive;
+        /// Exponent of the distance
+        power: f64 = Quantity(D::NONE), "-2", "1";
+    }
+}
+
+table! {
+    /// Drag of a medium.
+    pub struct DragSpec: "`drag`" {
+        /// Force over velocity
+        linear: f64 = Quantity(D::new(0, 1, -1, 0)), "0", "\"0.2 N s/m\"", NotNegative;
+        /// Force over velocity squared: 1/2 density c_d area
+        quadratic: f64 = Quantity(D::new(-1, 1, 0, 0)), "0",
+            "\"0.5 * 1.2 kg/m^3 * 0.47 * 12 cm^2\"", NotNegative;
+        /// Torque over angular velocity
+        angular: f64 = Quantity(D::new(2, 1, -1, 0)), "0", "\"0.01 N m s\"", NotNegative;
+        /// Velocity of the medium
+        medium: Vec3 = Vector(D::SPEED), "[0, 0, 0]", "[\"5 m/s\", 0, 0]";
+    }
+}
+
+impl Choice for Axes {
+    const NAMES: &'static [(&'static str, Self)] = &[("world", Self::World), ("body", Self::Body)];
 }
 
 impl LoadSpec {
@@ -67,39 +111,17 @@ impl LoadSpec {
     }
 }
 
-/// A stress on an area.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct PressureSpec {
-    /// Pa
-    pub stress: FunctionSpec,
-    /// m^2
-    pub area: f64,
-    /// Unit direction of the force.
-    pub direction: Vec3,
-}
+/// What a load can do to bodies.
+const ACTIONS: &[&str] = &["force", "torque", "pressure", "acceleration", "central", "drag"];
 
-/// A central field.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct CentralSpec {
-    /// m
-    pub point: Vec3,
-    /// m/s^2
-    pub strength: f64,
-    /// m
-    pub distance: f64,
-    /// Exponent.
-    pub power: f64,
-}
-
-/// Drag of a medium.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct DragSpec {
-    /// N s/m
-    pub linear: f64,
-    /// N s^2/m^2
-    pub quadratic: f64,
-    /// N m s
-    pub angular: f64,
-    /// m/s
-    pub medium: Vec3,
+fn check(load: &LoadSpec, reader: &Reader) -> Result<(), SceneError> {
+    if ACTIONS.iter().all(|action| reader.get(action).is_none()) {
+        let kind = SceneErrorKind::OneOf {
+            table: format!("`{}`", reader.path),
+            keys: ACTIONS.join(", "),
+            found: "none".into(),
+        };
+        return Err(SceneError::at(kind, reader.location()));
+    }
+    if load.point.is_some() && load.force.is_none() { Err(reader.missing("force")) } else { Ok(()) }
 }

@@ -1,7 +1,11 @@
 //! Materials and pairs of them.
 
-use super::super::error::Location;
-use graintrain::material::TurningResistance;
+use super::super::error::SceneError;
+use super::super::names;
+use super::super::reader::Reader;
+use super::super::schema::D;
+use super::super::table::{Choice, Field, table};
+use graintrain::material::{MOST_COHESION, TurningResistance};
 use serde::{Serialize, Serializer};
 
 /// How a property of a pair follows from those of its two materials.
@@ -18,14 +22,16 @@ pub enum PairRule {
     GeometricMean,
 }
 
-impl PairRule {
-    pub(crate) const NAMES: &[(&str, Self)] = &[
+impl Choice for PairRule {
+    const NAMES: &'static [(&'static str, Self)] = &[
         ("minimum", Self::Minimum),
         ("maximum", Self::Maximum),
         ("mean", Self::Mean),
         ("geometric-mean", Self::GeometricMean),
     ];
+}
 
+impl PairRule {
     /// The pair's property.
     pub fn combine(self, first: f64, second: f64) -> f64 {
         match self {
@@ -58,30 +64,63 @@ impl PairRule {
     }
 }
 
-/// A material.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct MaterialSpec {
-    /// kg/m^3
-    pub density: f64,
-    /// With itself.
-    pub friction: f64,
-    /// With itself.
-    pub restitution: f64,
-    /// Resistance to rolling on itself.
-    #[serde(skip_serializing_if = "TurningResistance::is_none", serialize_with = "as_written")]
-    pub rolling_friction: TurningResistance,
-    /// Resistance to spinning on itself.
-    #[serde(skip_serializing_if = "TurningResistance::is_none", serialize_with = "as_written")]
-    pub spinning_friction: TurningResistance,
-    /// Of contacts with itself, N/m; zero: rigid.
-    #[serde(skip_serializing_if = "is_zero")]
-    pub stiffness: f64,
-    /// Of contacts with itself, N s/m.
-    #[serde(skip_serializing_if = "is_zero")]
-    pub damping: f64,
-    /// Pull on itself, N.
-    #[serde(skip_serializing_if = "is_zero")]
-    pub cohesion: f64,
+/// Force per length, and force per speed.
+const STIFFNESS: D = D::new(0, 1, -2, 0);
+const DAMPING: D = D::new(0, 1, -1, 0);
+
+table! {
+    /// A material.
+    pub struct MaterialSpec: "`[material.NAME]`", checked by check_material {
+        /// Density
+        density: f64 = Quantity(D::DENSITY), "1000", "\"2500 kg/m^3\"", Positive;
+        /// Coefficient of friction with itself
+        friction: f64 = Quantity(D::NONE), "0.25", "0.5", NotNegative;
+        /// Newton's coefficient of restitution with itself, 0 to 1
+        restitution: f64 = Quantity(D::NONE), "0", "0.6", ZeroToOne;
+        /// Rolling friction with itself: the largest tangential moment over the normal force, a length; a
+        /// number is a multiple of the effective radius R_A R_B / (R_A + R_B)
+        #[serde(skip_serializing_if = "TurningResistance::is_none", serialize_with = "as_written")]
+        rolling_friction: TurningResistance = RatioOrLength, "0", "0.1", NotNegative;
+        /// Spinning friction with itself: the same for the moment about the normal
+        #[serde(skip_serializing_if = "TurningResistance::is_none", serialize_with = "as_written")]
+        spinning_friction: TurningResistance = RatioOrLength, "0", "\"0.2 mm\"", NotNegative;
+        /// Normal stiffness of every contact with itself; not with restitution
+        #[serde(skip_serializing_if = "is_zero")]
+        stiffness: f64 = Quantity(STIFFNESS), "0: rigid", "\"100 kN/m\"", NotNegative;
+        /// Normal damping of every contact with itself; only with a stiffness
+        #[serde(skip_serializing_if = "is_zero")]
+        damping: f64 = Quantity(DAMPING), "0", "\"20 N s/m\"", NotNegative;
+        /// Attraction of two bodies of this material while they touch
+        #[serde(skip_serializing_if = "is_zero")]
+        cohesion: f64 = Quantity(D::FORCE), "0", "\"2 mN\"", NotNegative;
+    }
+}
+
+table! {
+    /// Properties of a pair of materials.
+    pub struct PairSpec: "`[[pair]]`", checked by check_pair {
+        /// The two materials
+        materials: [String; 2] = Texts, "required", "[\"glass\", \"steel\"]";
+        /// Coefficient of friction between them
+        friction: Option<f64> = Quantity(D::NONE), "contact.friction_rule", "0.2", NotNegative;
+        /// Coefficient of restitution between them
+        restitution: Option<f64> = Quantity(D::NONE), "contact.restitution_rule", "0.4", ZeroToOne;
+        /// Rolling friction between them, a multiple of the effective radius or a length
+        #[serde(serialize_with = "as_written_of_pair")]
+        rolling_friction: Option<TurningResistance> = RatioOrLength, "contact.friction_rule",
+            "0.05", NotNegative;
+        /// Spinning friction between them, a multiple of the effective radius or a length
+        #[serde(serialize_with = "as_written_of_pair")]
+        spinning_friction: Option<TurningResistance> = RatioOrLength, "contact.friction_rule",
+            "0.02", NotNegative;
+        /// Normal stiffness of every contact between them; 0: rigid
+        stiffness: Option<f64> = Quantity(STIFFNESS), "both in series", "\"50 kN/m\"", NotNegative;
+        /// Normal damping of every contact between them
+        damping: Option<f64> = Quantity(DAMPING), "both in series", "\"10 N s/m\"", NotNegative;
+        /// Attraction of two such bodies while they touch
+        cohesion: Option<f64> = Quantity(D::FORCE), "the smaller of both", "\"1 mN\"", NotNegative;
+        location
+    }
 }
 
 /// Whether a number is left out where it is its own default.
@@ -108,33 +147,51 @@ fn as_written_of_pair<S: Serializer>(
     }
 }
 
-/// Properties of a pair of materials.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct PairSpec {
-    /// Their names.
-    pub materials: [String; 2],
-    /// Coefficient of friction; `None` follows the rule.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub friction: Option<f64>,
-    /// Coefficient of restitution; `None` follows the rule.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub restitution: Option<f64>,
-    /// Resistance to rolling on each other; `None` follows the rule of friction.
-    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "as_written_of_pair")]
-    pub rolling_friction: Option<TurningResistance>,
-    /// Resistance to spinning on each other; `None` follows the rule of friction.
-    #[serde(skip_serializing_if = "Option::is_none", serialize_with = "as_written_of_pair")]
-    pub spinning_friction: Option<TurningResistance>,
-    /// Stiffness of contacts, N/m; `None` follows from both materials.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub stiffness: Option<f64>,
-    /// Damping of contacts, N s/m; `None` follows from both materials.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub damping: Option<f64>,
-    /// Pull on each other, N; `None` is the smaller of both.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub cohesion: Option<f64>,
-    /// Where it is written.
-    #[serde(skip)]
-    pub location: Location,
+/// The names of two materials.
+impl Field for [String; 2] {
+    fn given(reader: &Reader, key: &str) -> Result<Option<Self>, SceneError> {
+        let Some(names) = reader.field::<Option<Vec<String>>>(key)? else { return Ok(None) };
+        let names: Self = names
+            .try_into()
+            .map_err(|names: Vec<String>| reader.out_of_range(key, "two names", names.len()))?;
+        let known = &reader.context.names.materials;
+        names.iter().try_for_each(|name| names::check(reader, key, "material", name, known))?;
+        Ok(Some(names))
+    }
+}
+
+fn check_material(material: &MaterialSpec, reader: &Reader) -> Result<(), SceneError> {
+    let MaterialSpec { stiffness, damping, restitution, cohesion, .. } = *material;
+    check_cohesion(reader, cohesion)?;
+    check_elasticity(reader, stiffness, damping, restitution)
+}
+
+fn check_pair(pair: &PairSpec, reader: &Reader) -> Result<(), SceneError> {
+    check_cohesion(reader, pair.cohesion.unwrap_or_default())?;
+    let [damping, restitution] = [pair.damping, pair.restitution].map(Option::unwrap_or_default);
+    pair.stiffness.map_or(Ok(()), |stiffness| check_elasticity(reader, stiffness, damping, restitution))
+}
+
+fn check_cohesion(reader: &Reader, force: f64) -> Result<(), SceneError> {
+    if force <= MOST_COHESION {
+        return Ok(());
+    }
+    Err(reader.out_of_range("cohesion", &format!("at most {MOST_COHESION:e} N"), format!("{force:e}")))
+}
+
+/// Damping needs a stiffness, and a stiffness rebounds by itself.
+fn check_elasticity(
+    reader: &Reader,
+    stiffness: f64,
+    damping: f64,
+    restitution: f64,
+) -> Result<(), SceneError> {
+    if stiffness == 0.0 && damping > 0.0 {
+        return Err(reader.out_of_range("damping", "0 without a `stiffness`", damping));
+    }
+    if stiffness > 0.0 && restitution > 0.0 {
+        let requirement = "0 with a `stiffness`, which rebounds by itself: give it `damping`";
+        return Err(reader.out_of_range("restitution", requirement, restitution));
+    }
+    Ok(())
 }

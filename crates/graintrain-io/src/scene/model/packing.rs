@@ -1,12 +1,56 @@
 //! Packings.
 
-use super::super::error::Location;
+use super::super::error::{Location, SceneError, SceneErrorKind};
+use super::super::radius::RADIUS;
+use super::super::reader::Reader;
+use super::super::region::{BOX_REGION, CYLINDER_REGION};
+use super::super::table::{Choice, Spec, table};
+use super::shape::SHAPE;
 use super::{PartSpec, ShapeSpec};
 pub use crate::radii::RadiusDistribution;
 use graintrain::load::Region;
 use graintrain::math::Vec3;
 use serde::{Serialize, Serializer};
 use std::path::PathBuf;
+
+table! {
+    pub(in crate::scene) static PACKING: "`[packing.NAME]`",
+        at most one of ["lattice", "drop", "poisson", "file"],
+        at most one of ["radius", "shape", "parts"] {
+        /// Bodies on a perturbed cubic lattice
+        lattice = Table(LatticeSpec::TABLE), "one of lattice, drop, poisson, file",
+            "{ counts = [9, 9, 9], pitch = 0.23 }";
+        /// Bodies at random positions in a region, without overlap
+        drop = Table(&DROP), "one of lattice, drop, poisson, file",
+            "{ count = 500, box = { min = [0, 0, 0], max = [1, 1, 3] } }";
+        /// Bodies at random positions with a minimum distance that fill a region evenly (Poisson-disk
+        /// sampling)
+        poisson = Table(&POISSON), "one of lattice, drop, poisson, file",
+            "{ distance = 0.1, box = { min = [0, 0, 0], max = [1, 1, 3] } }";
+        /// Spheres from a file
+        file = Table(FileSpec::TABLE), "one of lattice, drop, poisson, file", "{ path = \"pile.vtu\" }";
+        /// Radius of the spheres: one value, or a distribution
+        radius = QuantityOr(D::LENGTH, &RADIUS), "one of radius, shape, parts; the file's",
+            "\"5 mm\"", Positive;
+        /// Shape of the bodies
+        shape = Table(&SHAPE), "one of radius, shape, parts", "{ box = { size = [1, 1, 1] } }";
+        /// Several shapes in each body (clumps), with the mass of their union; the body's position is that of
+        /// its centre of mass
+        parts = Tables(PartSpec::TABLE),
+            "one of radius, shape, parts",
+            "[{ shape = { sphere = { radius = 1 } } }, { shape = { sphere = { radius = 1 } }, position = [1, 0, 0] }]";
+        /// Random orientations, uniformly distributed
+        random_rotation = Flag, "false", "true";
+        /// Material
+        material = Text, "the only material", "\"glass\"";
+        /// Initial velocity, added to that of a file
+        velocity = Vector(D::SPEED), "[0, 0, 0]", "[0, 0, \"-1 m/s\"]";
+        /// Bodies keep their orientation
+        lock_rotation = Flag, "false", "true";
+        /// Seed of this packing
+        seed = Count, "seed of the scene + number of the packing", "7";
+    }
+}
 
 /// Many bodies at once.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -61,17 +105,29 @@ pub enum PackingSource {
     File(FileSpec),
 }
 
-/// Perturbed cubic lattice.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct LatticeSpec {
-    /// Bodies along x, y, z.
-    pub counts: [u64; 3],
-    /// Distance of neighbours, m.
-    pub pitch: Vec3,
-    /// Lower corner, m.
-    pub origin: Vec3,
-    /// Largest move of each coordinate, m.
-    pub jitter: f64,
+table! {
+    /// Perturbed cubic lattice.
+    pub struct LatticeSpec: "`packing.NAME.lattice`" {
+        /// Bodies along x, y, z
+        counts: [u64; 3] = Counts, "required", "[\"2*n+1\", \"2*n+1\", \"2*n+1\"]", Positive;
+        /// Distance of neighbours
+        pitch: Vec3 = VectorOrQuantity(D::LENGTH), "required", "\"0.23 m\"", Positive;
+        /// Lower corner of the lattice; the first body is half a pitch inside
+        origin: Vec3 = Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, \"5 cm\"]";
+        /// Largest random displacement of each coordinate, uniformly distributed
+        jitter: f64 = Quantity(D::LENGTH), "0", "\"12 mm\"", NotNegative;
+    }
+}
+
+table! {
+    static DROP: "`packing.NAME.drop`", at most one of ["box", "cylinder"] {
+        /// Number of bodies
+        count = Count, "required", "500", Positive;
+        /// Region: box
+        box = Table(&BOX_REGION), "one of box, cylinder", "{ min = [0, 0, 0], max = [1, 1, 3] }";
+        /// Region: upright cylinder
+        cylinder = Table(&CYLINDER_REGION), "one of box, cylinder", "{ radius = 1, height = 3 }";
+    }
 }
 
 /// Random places.
@@ -84,6 +140,17 @@ pub struct DropSpec {
     pub region: Region,
 }
 
+table! {
+    static POISSON: "`packing.NAME.poisson`", at most one of ["box", "cylinder"] {
+        /// Minimum distance of two centres
+        distance = Quantity(D::LENGTH), "required", "\"12 mm\"", Positive;
+        /// Region: box
+        box = Table(&BOX_REGION), "one of box, cylinder", "{ min = [0, 0, 0], max = [1, 1, 3] }";
+        /// Region: upright cylinder
+        cylinder = Table(&CYLINDER_REGION), "one of box, cylinder", "{ radius = 1, height = 3 }";
+    }
+}
+
 /// Places of a least distance.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PoissonSpec {
@@ -94,36 +161,34 @@ pub struct PoissonSpec {
     pub region: Region,
 }
 
-/// A packing file and what to take from it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct FileSpec {
-    /// The file.
-    pub path: PathBuf,
-    /// Its form.
-    pub format: PackingFormat,
-    /// Frame of a file with several, from 0; `None`: the last.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub frame: Option<u64>,
-    /// Lines left out at the end.
-    pub skip_last: usize,
-    /// Factor on all lengths.
-    pub scale: f64,
-    /// Added to all positions, m.
-    pub offset: Vec3,
-    /// Lower corner of what is kept, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub keep_min: Option<Vec3>,
-    /// Upper corner of what is kept, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub keep_max: Option<Vec3>,
-    /// Smallest radius kept, m.
-    pub radius_min: f64,
-    /// Largest radius kept, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub radius_max: Option<f64>,
-    /// Where the path is written.
-    #[serde(skip)]
-    pub location: Location,
+table! {
+    /// A packing file and what to take from it.
+    pub struct FileSpec: "`packing.NAME.file`", checked by has_frames {
+        /// VTU or VTP, CSV, a whitespace table, a dump of LAMMPS or LIGGGHTS, extended XYZ, YADE's text, data
+        /// or restart files of MercuryDPM; relative to the scene's folder, on the command line to the current
+        /// folder
+        path: PathBuf = Text, "required", "\"pile.vtu\"";
+        /// vtk, csv, table, lammps, xyz, yade or mercury
+        format: PackingFormat = Text,
+            "from the file extension", "\"lammps\"" in PackingFormat::NAMES => format;
+        /// Frame of a file with several, counted from 0: lammps, xyz, mercury
+        frame: Option<u64> = Count, "the last", "0";
+        /// Number of lines to omit at the end
+        skip_last: usize = Count, "0", "1";
+        /// Factor for all lengths, after conversion of the units in the file
+        scale: f64 = Quantity(D::NONE), "1", "0.001", Positive;
+        /// Added to all positions
+        offset: Vec3 = Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, \"1 cm\"]";
+        /// Keep only centres above this corner, in final coordinates
+        keep_min: Option<Vec3> = Vector(D::LENGTH), "everything", "[-1, -1, 0]";
+        /// Keep only centres below this corner
+        keep_max: Option<Vec3> = Vector(D::LENGTH), "everything", "[1, 1, 2]";
+        /// Keep only spheres of at least this radius
+        radius_min: f64 = Quantity(D::LENGTH), "0", "\"1 mm\"", NotNegative;
+        /// Keep only spheres of at most this radius
+        radius_max: Option<f64> = Quantity(D::LENGTH), "everything", "\"1 cm\"", Positive;
+        location of path
+    }
 }
 
 /// Form of a packing file.
@@ -146,8 +211,8 @@ pub enum PackingFormat {
     Mercury,
 }
 
-impl PackingFormat {
-    pub(crate) const NAMES: &[(&str, Self)] = &[
+impl Choice for PackingFormat {
+    const NAMES: &'static [(&'static str, Self)] = &[
         ("vtk", Self::Vtk),
         ("csv", Self::Csv),
         ("table", Self::Table),
@@ -208,4 +273,28 @@ impl PackingSpec {
             PackingSource::File(file) => format!("from {}", file.path.display()),
         }
     }
+}
+
+/// The form of a file, by its ending where the scene does not say it.
+fn format(reader: &Reader, key: &str) -> Result<PackingFormat, SceneError> {
+    let path: PathBuf = reader.field("path")?;
+    let ending = path.extension().and_then(|ending| ending.to_str()).map(str::to_lowercase);
+    Ok(reader.field::<Option<_>>(key)?.unwrap_or(match ending.as_deref() {
+        Some("vtu" | "vtp") => PackingFormat::Vtk,
+        Some("csv") => PackingFormat::Csv,
+        Some("dump" | "lammpstrj" | "liggghts") => PackingFormat::Lammps,
+        Some("xyz" | "extxyz") => PackingFormat::Xyz,
+        Some("data" | "restart") => PackingFormat::Mercury,
+        _ => PackingFormat::Table,
+    }))
+}
+
+fn has_frames(file: &FileSpec, reader: &Reader) -> Result<(), SceneError> {
+    let several = matches!(file.format, PackingFormat::Lammps | PackingFormat::Xyz | PackingFormat::Mercury);
+    if file.frame.is_none() || several {
+        return Ok(());
+    }
+    let problem =
+        format!("`{}.frame` is for files with several frames: lammps, xyz and mercury", reader.path);
+    Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()))
 }

@@ -6,7 +6,7 @@ use super::{D, Key, Range, Table, key};
 /// The tables of a function of time whose values have one dimension.
 macro_rules! function_of_time {
     ($name:ident, $sinusoid:ident, $samples:ident, $of:literal, $dimension:expr, $value:literal) => {
-        pub(super) static $name: Table = Table {
+        pub(in super::super) static $name: Table = Table {
             heading: concat!("Function of time: ", $of),
             alternatives: &[&["sinusoidal", "table", "file"]],
             keys: &[

@@ -1,0 +1,124 @@
+//! What a scene has names for, and keys that name it.
+
+use super::error::SceneError;
+use super::reader::Reader;
+
+/// Name of the material of scenes that declare none.
+pub(super) const DEFAULT_MATERIAL: &str = "default";
+
+/// Names of what a scene has.
+#[derive(Default)]
+pub(crate) struct Names {
+    pub materials: Vec<String>,
+    /// Once they are read: files of robots have bodies as well.
+    pub bodies: Vec<String>,
+    pub packings: Vec<String>,
+    pub streams: Vec<String>,
+    pub loads: Vec<String>,
+    /// Once they are read.
+    pub stages: Vec<String>,
+    pub measures: Vec<String>,
+}
+
+impl Names {
+    /// Those that a scene shows before its tables are read.
+    pub fn of(scene: &Reader) -> Result<Self, SceneError> {
+        let of = |key: &str| -> Result<Vec<String>, SceneError> {
+            Ok(scene.named(key)?.into_iter().map(|(name, _)| name).collect())
+        };
+        let materials = of("material")?;
+        Ok(Self {
+            materials: if materials.is_empty() { vec![DEFAULT_MATERIAL.into()] } else { materials },
+            bodies: Vec::new(),
+            packings: of("packing")?,
+            streams: of("stream")?,
+            loads: of("load")?,
+            stages: Vec::new(),
+            measures: of("measure")?,
+        })
+    }
+}
+
+/// Refuses a name that is not known.
+pub(super) fn check(
+    reader: &Reader,
+    key: &str,
+    what: &str,
+    name: &str,
+    known: &[impl AsRef<str>],
+) -> Result<(), SceneError> {
+    match known.iter().any(|known| known.as_ref() == name) {
+        true => Ok(()),
+        false => Err(reader.unknown_name(key, what, name, known.iter().map(AsRef::as_ref))),
+    }
+}
+
+/// The list of names that a key holds, each of which has to be known; empty where it is not given.
+pub(super) fn list(
+    reader: &Reader,
+    key: &str,
+    what: &str,
+    known: &[impl AsRef<str>],
+) -> Result<Vec<String>, SceneError> {
+    let Some(names) = reader.texts(key)? else { return Ok(Vec::new()) };
+    if names.is_empty() {
+        // Left out, the key means everything: a list that somebody's program left empty does not.
+        return Err(reader.missing(key));
+    }
+    names.iter().try_for_each(|name| check(reader, key, what, name, known))?;
+    Ok(names)
+}
+
+pub(super) fn bodies(reader: &Reader, key: &str) -> Result<Vec<String>, SceneError> {
+    list(reader, key, "body", &reader.context.names.bodies)
+}
+
+pub(super) fn packings(reader: &Reader, key: &str) -> Result<Vec<String>, SceneError> {
+    list(reader, key, "packing", &reader.context.names.packings)
+}
+
+pub(super) fn streams(reader: &Reader, key: &str) -> Result<Vec<String>, SceneError> {
+    list(reader, key, "stream", &reader.context.names.streams)
+}
+
+/// Loads, of which there may be none.
+pub(super) fn loads(reader: &Reader, key: &str) -> Result<Option<Vec<String>>, SceneError> {
+    let loads: Option<Vec<String>> = reader.field(key)?;
+    let known = &reader.context.names.loads;
+    loads.iter().flatten().try_for_each(|name| check(reader, key, "load", name, known))?;
+    Ok(loads)
+}
+
+/// A body, which has to be given.
+pub(super) fn body(reader: &Reader, key: &str) -> Result<String, SceneError> {
+    let name: String = reader.field(key)?;
+    check(reader, key, "body", &name, &reader.context.names.bodies)?;
+    Ok(name)
+}
+
+/// A measurement, which has to be given.
+pub(super) fn measure(reader: &Reader, key: &str) -> Result<String, SceneError> {
+    let name: String = reader.field(key)?;
+    check(reader, key, "measure", &name, &reader.context.names.measures)?;
+    Ok(name)
+}
+
+/// A stage, if one is named.
+pub(super) fn stage(reader: &Reader, key: &str) -> Result<Option<String>, SceneError> {
+    let name: Option<String> = reader.field(key)?;
+    name.iter().try_for_each(|name| check(reader, key, "stage", name, &reader.context.names.stages))?;
+    Ok(name)
+}
+
+/// The material of a body or packing; the only one where it names none.
+pub(super) fn material(reader: &Reader) -> Result<String, SceneError> {
+    let known = &reader.context.names.materials;
+    match (reader.text("material")?, known.as_slice()) {
+        (None, [only]) => Ok(only.clone()),
+        (None, _) => Err(reader.missing("material")),
+        (Some(name), _) => {
+            check(reader, "material", "material", &name, known)?;
+            Ok(name)
+        }
+    }
+}
