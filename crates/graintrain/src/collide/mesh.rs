@@ -76,6 +76,11 @@ pub(crate) struct Visitor<'a> {
 }
 
 impl Visitor<'_> {
+    /// How far it reaches along a direction from its position, m.
+    fn reach(&self, direction: Vec3) -> f64 {
+        self.shape.form().reach(self.orientation.conjugate() * direction)
+    }
+
     /// Where the round that has this point of its surface comes nearest to a plane with this normal. The
     /// point itself comes down only as the body rolls on: linearised, as far in half the way, and what rolls
     /// would be lifted. Points of other bodies, and of one whose flat end lies on the plane, are kept.
@@ -132,7 +137,15 @@ impl TriangleTree {
         near.sort_unstable();
         let mut candidates: Vec<Candidate> = Vec::new();
         let sides = self.sheets.sides(&near, visitor.position, &self.corners, |triangle| self.face(triangle));
-        for (&triangle, &side) in near.iter().zip(&sides) {
+        let [low, high] = [-1.0, 1.0].map(|sign| {
+            let farthest = |axis: Vec3| sign * (visitor.reach(sign * axis) + envelope);
+            visitor.position + Vec3::from_array(Vec3::AXES.map(farthest))
+        });
+        let is_met = |triangle: u32| {
+            let [a, b, c] = self.corners[triangle as usize];
+            a.max(b).max(c).cmpge(low).all() && a.min(b).min(c).cmple(high).all()
+        };
+        for (&triangle, &side) in near.iter().zip(&sides).filter(|(triangle, _)| is_met(**triangle)) {
             let first = candidates.len();
             self.triangle_contacts(triangle, visitor, side, envelope, &mut candidates);
             self.keep_to_side(first, visitor, envelope, &mut candidates);
@@ -155,6 +168,10 @@ impl TriangleTree {
         let (corners, face) = (self.corners[triangle as usize], self.face(triangle));
         let height = face.dot(visitor.position - corners[0]);
         let toward = if side.unwrap_or(height) < 0.0 { -face } else { face };
+        let above = 1.0_f64.copysign(height) * face;
+        if height.abs() - visitor.reach(-above) > envelope {
+            return;
+        }
         let mut touches: Vec<Touch> = Vec::new();
         match *visitor.shape {
             Shape::Sphere(Sphere { radius }) => {

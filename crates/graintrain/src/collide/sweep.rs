@@ -224,6 +224,8 @@ impl Pair<'_> {
         let target = self.reach.unwrap_or(0.0);
         let tolerance = target + TOUCHING * size;
         let (mut time, mut before) = (0.0, 0.0);
+        // How far apart the parts are at most.
+        let mut within = f64::INFINITY;
         let mut touches = Vec::new();
         for _ in 0..POSES {
             let poses: [Placed<'_>; 2] =
@@ -231,7 +233,8 @@ impl Pair<'_> {
             let fastest = self.rate(None, &reach, &poses, step - time);
             let whole = fastest * (step - time);
             // All triangles as far as the body may travel would be many.
-            let ahead = if has_mesh { whole.min((8.0 * size).max(whole / 16.0)) } else { whole };
+            let most = if has_mesh { (8.0 * size).max(whole / 16.0) } else { f64::INFINITY };
+            let ahead = whole.min(most).min(within);
             touches.clear();
             contacts_of_parts(
                 poses[0],
@@ -247,12 +250,14 @@ impl Pair<'_> {
                 }
                 before = time;
                 time += ahead / fastest;
+                within = f64::INFINITY;
                 continue;
             };
             if nearest.gap <= tolerance {
                 // Too far, where a distance was not exact: back half of the way.
                 if self.reach.is_none() && nearest.gap < -tolerance && time - before > 1e-12 * step {
                     time = 0.5 * (before + time);
+                    within = f64::INFINITY;
                     continue;
                 }
                 return Some(time);
@@ -265,6 +270,7 @@ impl Pair<'_> {
             }
             before = time;
             time += wait;
+            within = nearest.gap + fastest * wait;
         }
         Some(time)
     }
