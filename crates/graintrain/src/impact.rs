@@ -42,6 +42,7 @@ use graintrain_ccp::{
     BodyInverseMass, Ccp, CcpError, CcpSolver, CoupledBodies, Delassus, FrictionModel, Residual,
     RigidContact, SolveSettings, Status,
 };
+use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -106,6 +107,8 @@ pub(crate) struct ImpactSolver<'a> {
     pub repetition: &'a Repetition,
     pub parameters: &'a Parameters,
     pub friction: FrictionModel,
+    /// Contacts that were seen to be met, by identity.
+    pub met: &'a HashSet<u64>,
     pub stop: Option<Arc<AtomicBool>>,
 }
 
@@ -192,7 +195,7 @@ impl ImpactSolver<'_> {
     fn passes(&self, world: &World, contact: &Contact, motion: &Motion, index: u32, step: f64) -> bool {
         let pair = [contact.body_a.min(contact.body_b), contact.body_a.max(contact.body_b)];
         let balls = pair.iter().filter(|&&body| self.collider.is_ball(world, body as usize)).count();
-        if contact.gap <= 0.0 || balls == 2 {
+        if contact.gap <= 0.0 || balls == 2 || self.met.contains(&contact.identity) {
             return false;
         }
         let [now, later] = motion.normal(index as usize).map(|u| contact.gap + step * u);

@@ -38,6 +38,8 @@ pub(crate) struct Rotor {
     /// Its angular velocity stays where no torque acts: that of a ball, and of a body that cannot turn about
     /// all axes.
     is_steady: bool,
+    /// The axis about which it is the same in all directions as far as its inertia tells, in the world.
+    axis: Option<Vec3>,
 }
 
 /// A turn without torque, in world axes.
@@ -46,7 +48,8 @@ pub(crate) struct Coasting {
     orientation: Quat,
     /// Angular velocity at its end.
     pub spin: Vec3,
-    /// Mean of the angular velocity; beyond [`FAST`] that of the end, in the axes of the start.
+    /// Mean of the angular velocity; beyond [`FAST`] that of the end, in the axes of the start, or tilted
+    /// back with the axis.
     pub mean: Vec3,
 }
 
@@ -63,7 +66,10 @@ pub(crate) struct Turn {
 impl Rotor {
     /// With the tensor of inertia about its own axes, kg m^2, and these dynamic degrees of freedom.
     pub(crate) fn new(inertia: Mat3, orientation: Quat, free: [bool; 6]) -> Self {
-        Self { inertia, orientation, is_steady: is_isotropic(inertia) || free[3..] != [true; 3] }
+        let is_steady = is_isotropic(inertia) || free[3..] != [true; 3];
+        let [x, y, z] = [inertia.x_axis.x, inertia.y_axis.y, inertia.z_axis.z];
+        let is_round = x == y && inertia == Mat3::from_diagonal(Vec3::new(x, y, z));
+        Self { inertia, orientation, is_steady, axis: is_round.then(|| orientation * Vec3::Z) }
     }
 
     /// A body where it is.
@@ -102,8 +108,14 @@ impl Rotor {
             let angle = real::atan2(across.length(), is.dot(wanted));
             orientation = turned(orientation, angle * across.normalize());
         }
-        let mean = if is_fast(w, step) { start * spin } else { sum / substeps as f64 };
-        Coasting { orientation, spin: orientation * spin, mean }
+        let end = orientation * spin;
+        let mean = match self.axis {
+            _ if !is_fast(w, step) => sum / substeps as f64,
+            // Spin about its own axis turns nothing else.
+            Some(axis) => Quat::from_rotation_arc(orientation * Vec3::Z, axis) * end,
+            None => start * spin,
+        };
+        Coasting { orientation, spin: end, mean }
     }
 
     /// The turn of a step with these angular velocities w before it and m in its mean. Its torques act at
@@ -121,7 +133,7 @@ impl Rotor {
     /// energy.
     ///
     /// m - m* turns the body as far only as long as the step resolves its spin. One beyond [`FAST`] on which
-    /// torques act turns about m, with its energy from before and what they do.
+    /// torques act turns about m, or tilts its axis as m says, with its energy from before and what they do.
     pub(crate) fn turn(&self, spins: [Vec3; 2], step: f64, gives_back: bool) -> Turn {
         self.turn_beside(&self.coast(spins[0], step), spins, step, gives_back)
     }
@@ -142,8 +154,12 @@ impl Rotor {
         if change.length() <= ROUNDING * mean.length() {
             return Turn { kicked: before, orientation: coasting.orientation, spin: coasting.spin };
         }
-        if is_fast(before, step) {
-            return about(mean);
+        match self.axis {
+            Some(axis) if is_fast(before, step) || is_fast(mean, step) => {
+                return self.tilted(axis, mean, step);
+            }
+            None if is_fast(before, step) => return about(mean),
+            _ => {}
         }
         let mut kicked = before + change;
         if gives_back {
@@ -155,6 +171,15 @@ impl Rotor {
         }
         let Coasting { orientation, spin, .. } = self.coast(kicked, step);
         Turn { kicked, orientation, spin }
+    }
+
+    /// The turn with a constant spin about the axis, which the rest of w tilts: so far that contacts know,
+    /// which are linearised for a surface that turns in itself.
+    fn tilted(&self, axis: Vec3, w: Vec3, step: f64) -> Turn {
+        let own = w.project_onto(axis);
+        let across = w - own;
+        let orientation = turned(turned(self.orientation, step * own), step * across);
+        Turn { kicked: w, orientation, spin: across + rotation_exponential(step * across) * own }
     }
 
     /// Derivative by w of what `of` says of a turn that starts with w, by differences of fourth order.

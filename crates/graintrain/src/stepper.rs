@@ -221,13 +221,19 @@ impl Stepper {
             Some((_, contacts)) => contacts,
             None => self.collider.contacts(world, envelope, step),
         };
-        // What flies past meets nothing; deflected, it would meet elsewhere what it passes so fast.
+        // Balls that fly past each other meet nothing; deflected, they would meet elsewhere what they pass so
+        // fast. Of other bodies impacts are to see the planes, too.
         let past = self.flown_past(world, &contacts, &velocities(world));
-        let is_fast = |(before, after): &(&Contact, Contact)| {
-            after.gap > before.gap && after.gap > 0.5 * self.collider.contact_size(world, after)
+        let after = |(before, after): (Contact, Contact)| {
+            let is_ball = |body: u32| self.collider.is_ball(world, body as usize);
+            if !(is_ball(before.body_a) && is_ball(before.body_b)) {
+                return Some(before);
+            }
+            let is_fast =
+                after.gap > before.gap && after.gap > 0.5 * self.collider.contact_size(world, &after);
+            (!is_fast).then_some(after)
         };
-        let slow = contacts.iter().zip(past).filter(|pair| !is_fast(pair));
-        let mut contacts = slow.map(|(_, after)| after).collect();
+        let mut contacts = contacts.into_iter().zip(past).filter_map(after).collect();
         leave_covered_out(world, &self.collider, step, &mut contacts);
         let mut rounds = Rounds::of(contacts);
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());

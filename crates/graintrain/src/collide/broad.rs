@@ -522,8 +522,12 @@ impl Collider {
         let envelope = search.envelope.max(around);
         if let Some(impact) = time_of_impact(a, b, v_a, v_b, search.step, envelope).filter(|i| i.time > 0.0) {
             for arrival in arrivals(&impact, a, b, v_a, v_b) {
-                let lead = 0.5 * (arrival.on_a - arrival.on_b);
-                contacts.push(Contact { lead, ..contact(pair, &arrival.touch) });
+                let [on_a, on_b] = [(a, arrival.on_a), (b, arrival.on_b)].map(|(body, point)| {
+                    let (geometry, arm) = (&body.form.geometry, point - body.position);
+                    body.position + geometry.arm_before(body.orientation, arm, arrival.touch.normal)
+                });
+                let (point, lead) = (0.5 * (on_a + on_b), 0.5 * (on_a - on_b));
+                contacts.push(Contact { point, lead, ..contact(pair, &arrival.touch) });
             }
         }
         let met = contacts.len() - first;

@@ -201,7 +201,9 @@ impl TriangleTree {
                 let [a, b, c] = corners;
                 // Who is behind it, beyond a ridge say, is not held in front of it.
                 let is_free = side.is_none() || toward.dot(position - a) < 0.0;
-                let [p, q, r] = self.sheets.border(triangle).map(|is_open| is_open || is_free);
+                let border = self.sheets.border(triangle);
+                let is_open = |k: usize| is_free || border[k] || self.falls_beyond(triangle, &[k], toward);
+                let [p, q, r] = [0, 1, 2].map(is_open);
                 let (facing, open) =
                     if toward == face { ([a, b, c], [p, q, r]) } else { ([a, c, b], [p, r, q]) };
                 let facing = Solid::Triangle { corners: facing, open };
@@ -231,7 +233,8 @@ impl TriangleTree {
             c.side.is_some() && c.toward.dot(c.touch.normal) < -LEVEL && !self.is_over_border(c, hair)
         };
         let through = candidates.extract_if(first.., |candidate| is_through(candidate));
-        let Some(overlapping) = through.filter(|candidate| candidate.touch.gap <= 0.0).last() else { return };
+        let is_held = |candidate: &Candidate| candidate.touch.gap <= 0.0 && !self.is_over_ridge(candidate);
+        let Some(overlapping) = through.filter(is_held).last() else { return };
         let Candidate { triangle, side, toward, .. } = overlapping;
         let corners = self.corners[triangle as usize];
         let Visitor { shape, position, orientation } = *visitor;
@@ -248,6 +251,25 @@ impl TriangleTree {
                 candidates.push(Candidate { touch, triangle, side, toward, foot, feature: on });
             }
         });
+    }
+
+    /// Whether the surface falls behind the face of a triangle, as seen from where it looks `toward`, beyond
+    /// an edge or corner of it: a ridge, over which what overlaps may leave it.
+    fn falls_beyond(&self, triangle: u32, ends: &[usize], toward: Vec3) -> bool {
+        let at = self.corners[triangle as usize][ends[0]];
+        let numbers: Vec<u32> = ends.iter().map(|&end| self.shared[triangle as usize][end]).collect();
+        let falls = |p: &Vec3| toward.dot((*p - at).normalize_or_zero()) < -LEVEL;
+        self.sharing(triangle, &numbers).any(|other| self.corners[other as usize].iter().any(falls))
+    }
+
+    /// Whether the normal leads over a ridge of the surface.
+    fn is_over_ridge(&self, candidate: &Candidate) -> bool {
+        let Candidate { triangle, toward, .. } = *candidate;
+        match self.exit(triangle, candidate.foot, candidate.touch.normal) {
+            TriangleFeature::Face => false,
+            TriangleFeature::Edge(k) => self.falls_beyond(triangle, &[k, (k + 1) % 3], toward),
+            TriangleFeature::Vertex(k) => self.falls_beyond(triangle, &[k], toward),
+        }
     }
 
     /// Whether the normal leads over the border of the sheet: a hair along it lies on the border.
@@ -335,7 +357,7 @@ impl TriangleTree {
             }
             let Some(rise) = self.rise_beyond(candidate) else { return true };
             let touch = &mut candidate.touch;
-            let overlap = (-touch.gap).max(0.0);
+            let (overlap, apart) = ((-touch.gap).max(0.0), touch.gap.abs());
             let on_body = touch.point + 0.5 * touch.gap * touch.normal;
             let is_face = cosine.abs() > NEARLY;
             let is_back = candidate.side.is_none() && is_face && cosine < 0.0;
@@ -345,9 +367,8 @@ impl TriangleTree {
             touch.point = on_body - 0.5 * touch.gap * touch.normal;
             let foot = on_body - touch.gap * touch.normal;
             let beside = (nearest_on_triangle(foot, corners).0 - foot).length();
-            is_face
-                || rise > LEVEL
-                || overlap > 0.0 && beside <= overlap + LEVEL * visitor.shape.bounding_radius()
+            let way = if rise > LEVEL { apart } else { overlap };
+            is_face || way > 0.0 && beside <= way + LEVEL * visitor.shape.bounding_radius()
         });
     }
 

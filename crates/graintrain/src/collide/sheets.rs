@@ -3,8 +3,9 @@
 //! A body is on one side of a surface, not on the side of each triangle on which its centre is: beyond a
 //! ridge it is below the plane of the slope behind it, and still above the ground. So triangles that share an
 //! edge, no third one with them, are one sheet, and turned alike: what is above one of them at their edge is
-//! above the other. A body is on the side of a sheet that its centre looks at where the sheet is nearest; beside
-//! its border it is on none.
+//! above the other. A body is on the side of a sheet that its centre looks at where the sheet is nearest;
+//! beside its border it is on none. Only what hangs together near the body is looked at: of a scroll it may
+//! have one side of one turn and the other of the next.
 
 use super::triangle::{TriangleFeature, nearest_on_triangle};
 use crate::math::Vec3;
@@ -13,11 +14,11 @@ use std::collections::HashMap;
 /// Sine of an angle, or a fraction of a length, that is none.
 pub(super) const LEVEL: f64 = 1e-6;
 
-/// The sheets of a mesh; one entry per triangle.
+/// How the triangles of a mesh hang together; one entry per triangle.
 pub(super) struct Sheets {
-    number: Vec<u32>,
-    /// 1, or -1 where its corners run the other way round than those of the sheet's first triangle.
-    turn: Vec<f64>,
+    /// A closed surface, outward, has one side for all of its parts.
+    is_closed: bool,
+    beyond: Vec<Beyond>,
     border: Vec<Border>,
 }
 
@@ -29,6 +30,7 @@ struct Border {
 }
 
 /// The triangle of a sheet that is nearest to a point.
+#[derive(Clone, Copy)]
 struct Nearest {
     distance: f64,
     /// How far the point is above its face, turned as the sheet is.
@@ -36,6 +38,9 @@ struct Nearest {
     /// Whether it is nearest on the border of the sheet.
     is_border: bool,
 }
+
+/// The triangle beyond each edge of one, and whether it runs the other way round; none on a border.
+type Beyond = [Option<(u32, bool)>; 3];
 
 /// The triangles at an edge, each with whether it runs through it from the lower number to the higher.
 type AtEdge = HashMap<[u32; 2], Vec<(u32, bool)>>;
@@ -45,12 +50,15 @@ fn edges([a, b, c]: [u32; 3]) -> [([u32; 2], bool); 3] {
 }
 
 impl Sheets {
-    /// Of triangles of these corner numbers. A closed surface, outward, is one sheet, whatever its parts.
+    /// Of triangles of these corner numbers.
     pub(super) fn new(triangles: &[[u32; 3]], is_closed: bool) -> Self {
         let count = triangles.len();
-        let border = vec![Border::default(); count];
         if is_closed {
-            return Self { number: vec![0; count], turn: vec![1.0; count], border };
+            return Self {
+                is_closed,
+                beyond: vec![[None; 3]; count],
+                border: vec![Border::default(); count],
+            };
         }
         let mut at_edge = AtEdge::new();
         for (triangle, &corners) in (0..).zip(triangles) {
@@ -58,39 +66,28 @@ impl Sheets {
                 at_edge.entry(edge).or_default().push((triangle, is_upward));
             }
         }
-        let mut sheets = Self { number: vec![u32::MAX; count], turn: vec![1.0; count], border };
-        for first in 0..count as u32 {
-            if sheets.number[first as usize] == u32::MAX {
-                sheets.spread(first, triangles, &at_edge);
-            }
-        }
-        let ends = at_edge.iter().filter(|(_, at)| at.len() != 2).flat_map(|(edge, _)| *edge);
-        let mut is_on_border = vec![false; triangles.iter().flatten().max().map_or(0, |&n| n as usize + 1)];
-        ends.for_each(|corner| is_on_border[corner as usize] = true);
-        let border = |&triangle: &[u32; 3]| Border {
-            corners: triangle.map(|corner| is_on_border[corner as usize]),
-            edges: edges(triangle).map(|(edge, _)| at_edge[&edge].len() != 2),
-        };
-        sheets.border = triangles.iter().map(border).collect();
-        sheets
-    }
-
-    /// Gives the sheet of a triangle its number.
-    fn spread(&mut self, first: u32, triangles: &[[u32; 3]], at_edge: &AtEdge) {
-        let mut next = vec![first];
-        self.number[first as usize] = first;
-        while let Some(triangle) = next.pop() {
-            for (edge, is_upward) in edges(triangles[triangle as usize]) {
-                let [one, two] = at_edge[&edge][..] else { continue };
-                let (other, also_upward) = if one.0 == triangle { two } else { one };
-                if self.number[other as usize] == u32::MAX {
-                    self.number[other as usize] = first;
-                    let turn = self.turn[triangle as usize];
-                    self.turn[other as usize] = if is_upward == also_upward { -turn } else { turn };
-                    next.push(other);
+        let beyond = |(own, &triangle): (u32, &[u32; 3])| {
+            edges(triangle).map(|(edge, is_upward)| match at_edge[&edge][..] {
+                [one, two] if one.0 != two.0 => {
+                    let (other, also_upward) = if one.0 == own { two } else { one };
+                    Some((other, is_upward == also_upward))
                 }
+                _ => None,
+            })
+        };
+        let beyond: Vec<Beyond> = (0..).zip(triangles).map(beyond).collect();
+        let mut is_on_border = vec![false; triangles.iter().flatten().max().map_or(0, |&n| n as usize + 1)];
+        for (triangle, beyond) in triangles.iter().zip(&beyond) {
+            for k in (0..3).filter(|&k| beyond[k].is_none()) {
+                [k, (k + 1) % 3].into_iter().for_each(|end| is_on_border[triangle[end] as usize] = true);
             }
         }
+        let border = |(triangle, beyond): (&[u32; 3], &Beyond)| Border {
+            corners: triangle.map(|corner| is_on_border[corner as usize]),
+            edges: beyond.map(|other| other.is_none()),
+        };
+        let border = triangles.iter().zip(&beyond).map(border).collect();
+        Self { is_closed, beyond, border }
     }
 
     /// Which corners of a triangle lie on a border.
@@ -108,9 +105,10 @@ impl Sheets {
         }
     }
 
-    /// The sides of these triangles on which a point is, 1 where the normal of the face looks and -1 behind
-    /// it: for each sheet that of its nearest triangle; of several as near, of the one that looks at the point
-    /// most. None where that is nearest with the border of its sheet. `corners` are those of all triangles.
+    /// The sides of these triangles, ascending, on which a point is, 1 where the normal of the face looks and
+    /// -1 behind it: for those that hang together among them, that of the nearest; of several as near, of the
+    /// one that looks at the point most. None where that is nearest with the border of its sheet. `corners`
+    /// are those of all triangles.
     pub(super) fn sides(
         &self,
         near: &[u32],
@@ -118,28 +116,59 @@ impl Sheets {
         corners: &[[Vec3; 3]],
         face: impl Fn(u32) -> Vec3,
     ) -> Vec<Option<f64>> {
-        let mut sheets: Vec<(u32, Nearest)> = Vec::new();
-        for &triangle in near {
-            let (foot, feature) = nearest_on_triangle(point, corners[triangle as usize]);
-            let (distance, away) = ((point - foot).length(), point - foot);
-            let height = self.turn[triangle as usize] * face(triangle).dot(away);
-            let next = Nearest { distance, height, is_border: self.is_border(triangle, feature) };
-            let sheet = self.number[triangle as usize];
-            let Some((_, best)) = sheets.iter_mut().find(|best| best.0 == sheet) else {
-                sheets.push((sheet, next));
+        let mut sides = vec![None; near.len()];
+        let mut turns: Vec<Option<f64>> = vec![None; near.len()];
+        for first in 0..near.len() {
+            if turns[first].is_some() {
                 continue;
+            }
+            let sheet = self.sheet(near, first, &mut turns);
+            let of = |&place: &usize| {
+                let (triangle, turn) = (near[place], turns[place].unwrap_or(1.0));
+                let (foot, feature) = nearest_on_triangle(point, corners[triangle as usize]);
+                let (distance, height) = ((point - foot).length(), turn * face(triangle).dot(point - foot));
+                Nearest { distance, height, is_border: self.is_border(triangle, feature) }
             };
-            let is_as_near = (distance - best.distance).abs() <= LEVEL * best.distance;
-            if is_as_near && height.abs() > best.height.abs() || !is_as_near && distance < best.distance {
-                *best = next;
+            let nearest = sheet.iter().map(of).reduce(Nearest::or);
+            let height = nearest.filter(|nearest| !nearest.is_border).map(|nearest| nearest.height);
+            for place in sheet {
+                sides[place] = height.map(|height| turns[place].unwrap_or(1.0) * 1.0_f64.copysign(height));
             }
         }
-        let side = |&triangle: &u32| {
-            let (sheet, turn) = (self.number[triangle as usize], self.turn[triangle as usize]);
-            let (_, nearest) = sheets.iter().find(|best| best.0 == sheet)?;
-            (!nearest.is_border).then(|| turn * 1.0_f64.copysign(nearest.height))
-        };
-        near.iter().map(side).collect()
+        sides
+    }
+
+    /// The places of those of `near` that hang together with one of them; they get their turns, -1 where
+    /// their corners run the other way round.
+    fn sheet(&self, near: &[u32], first: usize, turns: &mut [Option<f64>]) -> Vec<usize> {
+        if self.is_closed {
+            turns.fill(Some(1.0));
+            return (0..near.len()).collect();
+        }
+        turns[first] = Some(1.0);
+        let (mut sheet, mut next) = (vec![first], 0);
+        while let Some(&place) = sheet.get(next) {
+            next += 1;
+            let own = turns[place].unwrap_or(1.0);
+            for (other, is_turned) in self.beyond[near[place] as usize].into_iter().flatten() {
+                if let Ok(other) = near.binary_search(&other)
+                    && turns[other].is_none()
+                {
+                    turns[other] = Some(if is_turned { -own } else { own });
+                    sheet.push(other);
+                }
+            }
+        }
+        sheet
+    }
+}
+
+impl Nearest {
+    fn or(self, other: Self) -> Self {
+        let is_as_near = (other.distance - self.distance).abs() <= LEVEL * self.distance;
+        let is_better =
+            if is_as_near { other.height.abs() > self.height.abs() } else { other.distance < self.distance };
+        if is_better { other } else { self }
     }
 }
 
@@ -157,7 +186,6 @@ mod tests {
         let numbers = [[0, 1, 2], [1, 2, 3], [0, 4, 1], [4, 1, 5]];
         let corners = numbers.map(|t: [u32; 3]| t.map(|n| places[n as usize]));
         let sheets = Sheets::new(&numbers, false);
-        assert_eq!(sheets.number, [0; 4]);
         assert_eq!(sheets.border(0), [true; 3]);
         let face = |t: u32| {
             let [a, b, c] = corners[t as usize];
@@ -183,7 +211,7 @@ mod tests {
         assert!((0..5).all(|t| sheets.border(t) == [false, true, true]));
         let fin: Vec<[u32; 3]> = fan.iter().copied().chain([[0, 1, 6]]).collect();
         let sheets = Sheets::new(&fin, false);
-        assert!(sheets.border(2)[0] && sheets.number[5] == 5 && sheets.number[..5] == [0; 5]);
+        assert!(sheets.border(2)[0] && sheets.beyond[5] == [None; 3]);
         assert_eq!(Sheets::new(&fan, true).border(0), [false; 3]);
     }
 }

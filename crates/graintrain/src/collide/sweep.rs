@@ -270,7 +270,9 @@ impl Pair<'_> {
             }
             before = time;
             time += wait;
-            within = nearest.gap + fastest * wait;
+            if has_mesh {
+                within = nearest.gap + fastest * wait;
+            }
         }
         Some(time)
     }

@@ -43,6 +43,9 @@ impl Part {
     }
 }
 
+/// Sine of the angle between a normal and the axis of what is round from which on a contact is beside it.
+const UPRIGHT: f64 = 0.5;
+
 impl Geometry {
     /// A single shape whose origin is its centre of mass; a solid mesh is moved so that it is.
     ///
@@ -244,6 +247,20 @@ impl Geometry {
             }
             _ => None,
         }
+    }
+
+    /// The arm of a contact that bodies have later in a step, for the start of it where they have this
+    /// orientation. The normal of what is round leads through its axis, n . (a x r) = 0: where the body turns
+    /// till then, the arm of then does not have that, and spin about the axis a would seem to part the
+    /// bodies.
+    pub(crate) fn arm_before(&self, orientation: Quat, arm: Vec3, normal: Vec3) -> Vec3 {
+        let Some(axis) = self.axis_of_revolution() else { return arm };
+        let axis = orientation * axis;
+        let (out, radial) = (normal.reject_from_normalized(axis), arm.reject_from_normalized(axis));
+        if out.length() <= UPRIGHT {
+            return arm;
+        }
+        arm - radial + radial.dot(out).signum() * radial.length() * out.normalize()
     }
 
     /// Radius of a ball about the body's origin that holds the geometry, m; infinite if a part is a plane.

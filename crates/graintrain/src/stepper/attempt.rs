@@ -40,7 +40,7 @@ pub(super) struct Attempt {
     /// The periodic cell at the start of the step with the rates after it.
     pub(super) cell: Option<Cell>,
     /// The contacts of the step with planes moved out of the way of bodies that part, after impacts.
-    moved: Option<Vec<Contact>>,
+    pub(super) moved: Option<Vec<Contact>>,
     /// Impulses of the contact problem, contact frames.
     pub(super) impulse: Vec<f64>,
     /// Contacts of the problem as indices into those of the step.
@@ -165,9 +165,10 @@ impl Stepper {
         let rows = contact_rows(world, contacts);
         let masses = inverse_mass(world);
         let impacting = Clock::now();
-        let impacts = self.resolve_impacts(world, Rows { contacts, rows: &rows, inverse_mass: &masses })?;
+        let impacts =
+            self.resolve_impacts(world, Rows { contacts, rows: &rows, inverse_mass: &masses }, &rounds.kept)?;
         let impact_lap = impacting.lap();
-        let moved = (impacts.count > 0).then(|| self.parted(world, rounds, &impacts.velocity));
+        let moved = self.parted(world, rounds, &impacts);
         let contacts = moved.as_deref().unwrap_or(contacts);
         // In impacts drag has no time to act.
         let masses = if world.drag.is_empty() { masses } else { inverse_mass_in_step(world, step) };
@@ -222,26 +223,38 @@ impl Stepper {
         })
     }
 
-    /// The contacts of a step after its impacts: what parts is not held by planes of where it came from, but
-    /// for those that were seen to be met.
-    fn parted(&self, world: &World, rounds: &Rounds, velocity: &[f64]) -> Vec<Contact> {
-        let mut moved = self.flown_past(world, &rounds.contacts, velocity);
+    /// The contacts of a step after its impacts, with the planes of what passes moved out of its way: also
+    /// those of where bodies came from that part now, but for what was seen to be met. `None` where all are
+    /// as they were. Balls that no impact deflects were looked at before.
+    fn parted(&self, world: &World, rounds: &Rounds, impacts: &Impacts) -> Option<Vec<Contact>> {
+        let is_ball = |body: u32| self.collider.is_ball(world, body as usize);
+        let of_balls = |c: &Contact| is_ball(c.body_a) && is_ball(c.body_b);
+        if impacts.count == 0 && rounds.contacts.iter().all(of_balls) {
+            return None;
+        }
+        let mut moved = self.flown_past(world, &rounds.contacts, &impacts.velocity);
         for (now, before) in moved.iter_mut().zip(&rounds.contacts) {
             if rounds.kept.contains(&before.identity) {
                 *now = *before;
             }
         }
-        moved
+        Some(moved)
     }
 
     /// The impacts before the step.
-    fn resolve_impacts(&mut self, world: &World, of: Rows<'_>) -> Result<Impacts, StepError> {
+    fn resolve_impacts(
+        &mut self,
+        world: &World,
+        of: Rows<'_>,
+        met: &HashSet<u64>,
+    ) -> Result<Impacts, StepError> {
         let mut impacts = ImpactSolver {
             solver: self.impacts.as_mut(),
             collider: &self.collider,
             repetition: &self.parameters.repetition,
             parameters: &self.parameters.impacts,
             friction: self.settings.solver.friction,
+            met,
             stop: self.stop.clone(),
         };
         impacts.resolve(world, of, self.settings.step)?.ok_or(StepError::Stopped)

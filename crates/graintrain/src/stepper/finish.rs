@@ -183,13 +183,14 @@ impl Stepper {
         made: Made,
     ) -> StepReport {
         let begin = Clock::now();
-        let Made { attempt, kicked, size, correction, ahead } = made;
+        let Made { mut attempt, kicked, size, correction, ahead } = made;
         let Rounds { contacts, added, undetected, iterations, mut laps, .. } = rounds;
         let step = self.settings.step;
         let apart = self.apart(world, start, &contacts, &attempt, &ahead);
         laps.add(|phases| &mut phases.collide, begin.lap());
         let begin = Clock::now();
         let errors = self.left_over(&contacts, &attempt, &size);
+        let contacts = attempt.moved.take().unwrap_or(contacts);
         let (set, with_force) = exerted(world, contacts, &attempt);
         let Attempt { problem, posed, cell, impulse, joints, impacts, velocity, mut solve, parts, .. } =
             attempt;

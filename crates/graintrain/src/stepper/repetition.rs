@@ -602,7 +602,8 @@ fn carried_back(end: &Contact, world: &World, start: &Placement, attempt: &Attem
     let half = 0.5 * end.gap * end.normal;
     let side = |body: u32, at_end: Vec3| {
         let body = body as usize;
-        let arm = world.way_to(body, at_end);
+        let geometry = &world.geometries[world.bodies.geometry[body].index()];
+        let arm = geometry.arm_before(start.orientation[body], world.way_to(body, at_end), end.normal);
         let v = &attempt.velocity[6 * body..6 * body + 6];
         (start.position[body] + arm, Vec3::from_slice(&v[..3]) + Vec3::from_slice(&v[3..]).cross(arm))
     };
