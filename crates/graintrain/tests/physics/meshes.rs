@@ -226,6 +226,64 @@ fn wedges_slide_into_the_slope_of_a_valley() {
     }
 }
 
+/// A surface that goes along this profile (x, z), flat along y between -0.5 and 0.5.
+fn along(profile: &[(f64, f64)]) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let vertices = profile.iter().flat_map(|&(x, z)| [-0.5, 0.5].map(|y| Vec3::new(x, y, z))).collect();
+    let squares = (0..profile.len() as u32 - 1).map(|k| 2 * k);
+    (vertices, squares.flat_map(|a| [[a, a + 2, a + 1], [a + 1, a + 2, a + 3]]).collect())
+}
+
+/// A box slides over a lip of two centimetres and off a cliff. At the lip it overlaps both slopes of an acute
+/// ridge by a hair, of which the far one is no reason to push it back by its length.
+#[test]
+fn a_box_slides_over_a_lip_and_off_a_cliff() {
+    for step in [2e-3, 5e-3] {
+        let profile = [(-2.0, 0.0), (0.0, 0.0), (0.02, 0.02), (0.021, -2.0), (3.0, -2.0)];
+        let (vertices, triangles) = along(&profile);
+        let mut world = world(0.2, 0.0);
+        add_surface(&mut world, vertices, triangles, Motion::fixed());
+        let block = world.add_geometry(Geometry::cuboid(Vec3::new(0.2, 0.1, 0.025)).unwrap());
+        let body = Body::new(block, MaterialId::default(), Vec3::new(-0.15, 0.0, 0.046));
+        world.add_body(Body { velocity: Vec3::new(2.0, 0.0, 0.0), ..body }).unwrap();
+        let mut stepper = stepper(step, FrictionModel::Coulomb);
+        for _ in 0..(0.5 / step) as usize {
+            let report = stepper.step(&mut world).unwrap();
+            assert!(report.overlap_corrected_max < 1e-3, "{step}: {}", report.overlap_corrected_max);
+        }
+        assert!(world.bodies.position[1].x > 0.3, "{step}: {}", world.bodies.position[1]);
+    }
+}
+
+/// Rods lie in a scroll as chords of its outer turn, their middles nearer to the turn within: it shows them
+/// one side of the outer turn and the other of the inner.
+#[test]
+fn rods_lie_in_a_scroll() {
+    let lying = Quat::from_rotation_y(0.5 * PI);
+    let shapes = [
+        ("capsule", Geometry::capsule(0.22, 0.01).unwrap(), lying),
+        ("cylinder", Geometry::cylinder(0.22, 0.01).unwrap(), lying),
+        ("box", Geometry::cuboid(Vec3::new(0.22, 0.01, 0.01)).unwrap(), Quat::IDENTITY),
+    ];
+    let turn = |k: i32| TAU * f64::from(k) / 48.0;
+    let at = |k: i32| (0.2 + 0.12 * f64::from(k) / 48.0, turn(k).sin_cos());
+    let profile: Vec<(f64, f64)> = (0..=96).map(at).map(|(r, (sin, cos))| (r * cos, r * sin)).collect();
+    for (name, shape, orientation) in shapes {
+        let (vertices, triangles) = along(&profile);
+        let mut world = world(0.3, 0.0);
+        add_surface(&mut world, vertices, triangles, Motion::fixed());
+        let rod = world.add_geometry(shape);
+        let body = Body::new(rod, MaterialId::default(), Vec3::new(0.0, 0.0, -0.31));
+        world.add_body(Body { orientation, ..body }).unwrap();
+        let mut stepper = stepper(2e-3, FrictionModel::Coulomb);
+        for _ in 0..300 {
+            let overlap = stepper.step(&mut world).unwrap().penetration_max_over_size;
+            assert!(overlap < 1e-3, "{name}: {overlap}");
+        }
+        let Vec3 { x, z, .. } = world.bodies.position[1];
+        assert!(x.hypot(z) < 0.44, "{name}: {x} {z}");
+    }
+}
+
 /// Without friction a drum of facets turns under what lies in it: no contact with the facets further up
 /// carries it along.
 #[test]
