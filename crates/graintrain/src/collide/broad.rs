@@ -281,7 +281,7 @@ impl Collider {
             let bodies = pair(&group[0]);
             let velocities = bodies.map(of);
             if bodies.iter().all(|&body| self.is_ball(world, body as usize)) {
-                let past = |c: &Contact| self.balls_past(world, c, velocities, closed(c), step);
+                let past = |c: &Contact| self.balls_past(world, c, velocities, step);
                 return group.iter().map(past).collect();
             }
             let size = self.contact_size(world, &group[0]);
@@ -298,26 +298,23 @@ impl Collider {
         contacts.par_chunk_by(|c, d| pair(c) == pair(d)).flat_map_iter(of_pair).collect()
     }
 
-    /// [`Self::flown_past`] of two balls that close by `closed` along the normal:
+    /// [`Self::flown_past`] of two balls:
     ///
     /// ```text
     /// |x + t u| > r_A + r_B   for 0 <= t <= dt      (x, u: place and velocity of A relative to B).
     /// ```
-    fn balls_past(
-        &self,
-        world: &World,
-        contact: &Contact,
-        velocities: [[Vec3; 2]; 2],
-        closed: f64,
-        step: f64,
-    ) -> Contact {
-        if contact.gap <= 0.0 || contact.gap >= closed {
+    fn balls_past(&self, world: &World, contact: &Contact, velocities: [[Vec3; 2]; 2], step: f64) -> Contact {
+        if contact.gap <= 0.0 {
             return *contact;
         }
         let ([a, b], image) = self.placed_pair(world, [contact.body_a, contact.body_b]);
         let mut approach = velocities[0][0] - velocities[1][0];
         if let Some(cell) = world.cell().filter(|_| image != [0; 3]) {
             approach -= cell.image_velocity(image);
+        }
+        let closed = -step * contact.normal.dot(approach);
+        if contact.gap >= closed {
+            return *contact;
         }
         let apart = a.position - b.position;
         let radii = [a, b].map(|ball| ball.form.bounding_radius);
