@@ -168,12 +168,12 @@ impl Stepper {
         let impacts =
             self.resolve_impacts(world, Rows { contacts, rows: &rows, inverse_mass: &masses }, &rounds.kept)?;
         let impact_lap = impacting.lap();
-        let moved = self.parted(world, rounds, &impacts);
+        let mut free = free_velocity(world, &impacts.velocity, step);
+        let moved = self.parted(world, rounds, &impacts, &free);
         let contacts = moved.as_deref().unwrap_or(contacts);
         // In impacts drag has no time to act.
         let masses = if world.drag.is_empty() { masses } else { inverse_mass_in_step(world, step) };
         let pulls = elasticity::pulls(world, contacts, |c| self.collider.contact_size(world, c), step);
-        let mut free = free_velocity(world, &impacts.velocity, step);
         elasticity::apply_pulls(&rows, &pulls, &masses, &mut free);
         let mechanisms = Mechanisms::new(world, &masses, &impacts.velocity, free, step);
         let how = (step, self.settings.overlap);
@@ -223,16 +223,28 @@ impl Stepper {
         })
     }
 
-    /// The contacts of a step after its impacts, with the planes of what passes moved out of its way: also
+    /// The contacts of a step after its impacts, with the planes of what passes, as it moves where no contact
+    /// holds it (`free`, six numbers per body), moved out of its way: also
     /// those of where bodies came from that part now, but for what was seen to be met. `None` where all are
     /// as they were. Balls that no impact deflects were looked at before.
-    fn parted(&self, world: &World, rounds: &Rounds, impacts: &Impacts) -> Option<Vec<Contact>> {
+    fn parted(
+        &self,
+        world: &World,
+        rounds: &Rounds,
+        impacts: &Impacts,
+        free: &[f64],
+    ) -> Option<Vec<Contact>> {
         let is_ball = |body: u32| self.collider.is_ball(world, body as usize);
         let of_balls = |c: &Contact| is_ball(c.body_a) && is_ball(c.body_b);
         if impacts.count == 0 && rounds.contacts.iter().all(of_balls) {
             return None;
         }
-        let mut moved = self.flown_past(world, &rounds.contacts, &impacts.velocity);
+        // With the spin of now: its mean in the step is that of a body that turns on the way.
+        let mut velocity = free.to_vec();
+        for (own, after) in velocity.chunks_exact_mut(6).zip(impacts.velocity.chunks_exact(6)) {
+            own[3..].copy_from_slice(&after[3..]);
+        }
+        let mut moved = self.flown_past(world, &rounds.contacts, &velocity);
         for (now, before) in moved.iter_mut().zip(&rounds.contacts) {
             if rounds.kept.contains(&before.identity) {
                 *now = *before;
