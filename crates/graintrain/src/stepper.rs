@@ -34,7 +34,7 @@ use crate::collide::Collider;
 use crate::contact::Contact;
 use crate::error::{ModelError, positive};
 use crate::impact::lead_to_surfaces;
-use crate::integrate::{advance, displace, velocities};
+use crate::integrate::{advance, displace};
 use crate::joint::drift;
 use crate::load;
 use crate::overlap::Correction;
@@ -223,17 +223,19 @@ impl Stepper {
         };
         // Balls that fly past each other meet nothing; deflected, they would meet elsewhere what they pass so
         // fast. Of other bodies impacts are to see the planes, too.
-        let past = self.flown_past(world, &contacts, &velocities(world));
-        let after = |(before, after): (Contact, Contact)| {
-            let is_ball = |body: u32| self.collider.is_ball(world, body as usize);
-            if !(is_ball(before.body_a) && is_ball(before.body_b)) {
+        let collider = &self.collider;
+        let past = |before: Contact| {
+            let pair = [before.body_a as usize, before.body_b as usize];
+            if !pair.iter().all(|&body| collider.is_ball(world, body)) {
                 return Some(before);
             }
-            let is_fast =
-                after.gap > before.gap && after.gap > 0.5 * self.collider.contact_size(world, &after);
+            let bodies = &world.bodies;
+            let velocities = pair.map(|body| [bodies.velocity[body], bodies.angular_velocity[body]]);
+            let after = collider.balls_past(world, &before, velocities, step);
+            let is_fast = after.gap > before.gap && after.gap > 0.5 * collider.contact_size(world, &after);
             (!is_fast).then_some(after)
         };
-        let mut contacts = contacts.into_iter().zip(past).filter_map(after).collect();
+        let mut contacts = contacts.into_iter().filter_map(past).collect();
         leave_covered_out(world, &self.collider, step, &mut contacts);
         let mut rounds = Rounds::of(contacts);
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
@@ -242,8 +244,8 @@ impl Stepper {
 
     /// Contacts with the planes of bodies that pass each other moved out of their way.
     fn flown_past(&self, world: &World, contacts: &[Contact], velocity: &[f64]) -> Vec<Contact> {
-        let seen = self.parameters.repetition.undetected;
-        self.collider.flown_past(world, contacts, velocity, self.settings.step, seen)
+        let RepetitionParameters { undetected, spurious, .. } = self.parameters.repetition;
+        self.collider.flown_past(world, contacts, velocity, self.settings.step, [undetected, spurious])
     }
 
     /// Moves the bodies as the solve says, removes overlap that it foresaw, closes joints, and finds the

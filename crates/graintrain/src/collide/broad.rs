@@ -253,8 +253,8 @@ impl Collider {
 
     /// What becomes of the contacts of bodies that move with these velocities, six numbers each, where they
     /// pass each other though planes have them overlap at the end of the step by more than `seen` of the
-    /// smaller one's size, Phi + dt n . u < 0: the plane is further off, so that it pushes only what is
-    /// deflected across it. Phi + dt n . u is 0 then, and for balls, along the line of centres, so that
+    /// smaller one's size, Phi + dt n . u < 0, and they overlap on their way by no more than the fraction
+    /// `allowed` of that: the plane is further off, so that it pushes only what is deflected across it. Phi + dt n . u is 0 then, and for balls, along the line of centres, so that
     /// angular momentum stays, how near they come.
     pub(crate) fn flown_past(
         &self,
@@ -262,7 +262,7 @@ impl Collider {
         contacts: &[Contact],
         velocity: &[f64],
         step: f64,
-        seen: f64,
+        [seen, allowed]: [f64; 2],
     ) -> Vec<Contact> {
         let pair = |contact: &Contact| [contact.body_a, contact.body_b];
         let of = |body: u32| [0, 3].map(|k| Vec3::from_slice(&velocity[6 * body as usize + k..][..3]));
@@ -288,7 +288,7 @@ impl Collider {
             let closes = |c: &&Contact| c.gap > 0.0 && closed(c) > c.gap + seen * size;
             let least = group.iter().filter(closes).map(|c| closed(c) - c.gap).reduce(f64::min);
             let passes = least.is_some_and(|least| {
-                let allowed = (PASSED * least).min(seen * size);
+                let allowed = (allowed * least).min(seen * size);
                 self.pass_freely(world, bodies, velocities, step, allowed, 0.0)
             });
             let moved =
@@ -303,7 +303,13 @@ impl Collider {
     /// ```text
     /// |x + t u| > r_A + r_B   for 0 <= t <= dt      (x, u: place and velocity of A relative to B).
     /// ```
-    fn balls_past(&self, world: &World, contact: &Contact, velocities: [[Vec3; 2]; 2], step: f64) -> Contact {
+    pub(crate) fn balls_past(
+        &self,
+        world: &World,
+        contact: &Contact,
+        velocities: [[Vec3; 2]; 2],
+        step: f64,
+    ) -> Contact {
         if contact.gap <= 0.0 {
             return *contact;
         }
@@ -549,9 +555,6 @@ const FAST: f64 = 0.5;
 
 /// Poses of a pair looked at to see whether it passes.
 const POSES: f64 = 512.0;
-
-/// Bodies pass each other if they overlap on their way by no more than this fraction of what planes foresee.
-const PASSED: f64 = 0.2;
 
 /// Turn of a body within a step, rad, up to which a fixed normal does.
 const TURN: f64 = 0.3;
