@@ -254,8 +254,9 @@ impl Collider {
     /// What becomes of the contacts of bodies that move with these velocities, six numbers each, where they
     /// pass each other though planes have them overlap at the end of the step by more than `seen` of the
     /// smaller one's size, Phi + dt n . u < 0, and they overlap on their way by no more than the fraction
-    /// `allowed` of that: the plane is further off, so that it pushes only what is deflected across it. Phi + dt n . u is 0 then, and for balls, along the line of centres, so that
-    /// angular momentum stays, how near they come.
+    /// `allowed` of that: the plane is further off, so that it pushes only what is deflected across it. Phi +
+    /// dt n . u is 0 then, and for balls, along the line of centres, so that angular momentum stays, how near
+    /// they come.
     pub(crate) fn flown_past(
         &self,
         world: &World,
