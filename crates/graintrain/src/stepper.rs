@@ -243,9 +243,9 @@ impl Stepper {
     }
 
     /// Contacts with the planes of bodies that pass each other moved out of their way.
-    fn flown_past(&self, world: &World, contacts: &[Contact], velocity: &[f64]) -> Vec<Contact> {
+    fn flown_past(&self, world: &World, contacts: &[Contact], motion: (&[f64], &[f64])) -> Vec<Contact> {
         let RepetitionParameters { undetected, spurious, .. } = self.parameters.repetition;
-        self.collider.flown_past(world, contacts, velocity, self.settings.step, [undetected, spurious])
+        self.collider.flown_past(world, contacts, motion, self.settings.step, [undetected, spurious])
     }
 
     /// Moves the bodies as the solve says, removes overlap that it foresaw, closes joints, and finds the

@@ -8,7 +8,6 @@ use super::narrow::{Collidable, Placed, body_contacts};
 use super::reduce::Touch;
 use super::search::{Search, surface_speeds};
 use super::sweep::{advanced, arrivals, comes_within, time_of_impact};
-use crate::cell::image_velocity;
 use crate::contact::Contact;
 use crate::math::{Quat, Vec3};
 use crate::shape::Part;
@@ -253,50 +252,43 @@ impl Collider {
 
     /// What becomes of the contacts of bodies that move with these velocities, six numbers each, where they
     /// pass each other though planes have them overlap at the end of the step by more than `seen` of the
-    /// smaller one's size, Phi + dt n . u < 0, and they overlap on their way by no more than the fraction
-    /// `allowed` of that: the plane is further off, so that it pushes only what is deflected across it. Phi +
-    /// dt n . u is 0 then, and for balls, along the line of centres, so that angular momentum stays, how near
-    /// they come.
+    /// smaller one's size, Phi + dt u_n < 0 (`u`: three numbers per contact), and they overlap on their way
+    /// by no more than the fraction `allowed` of that: the plane is further off, so that it pushes only what
+    /// is deflected across it. Phi + dt u_n is 0 then, and for balls, along the line of centres, so that
+    /// angular momentum stays, how near they come.
     pub(crate) fn flown_past(
         &self,
         world: &World,
         contacts: &[Contact],
-        velocity: &[f64],
+        (velocity, u): (&[f64], &[f64]),
         step: f64,
         [seen, allowed]: [f64; 2],
     ) -> Vec<Contact> {
         let pair = |contact: &Contact| [contact.body_a, contact.body_b];
         let of = |body: u32| [0, 3].map(|k| Vec3::from_slice(&velocity[6 * body as usize + k..][..3]));
-        let speed = |body: u32, contact: &Contact| {
-            let [u, w] = of(body);
-            u + w.cross(world.way_to(body as usize, contact.point))
-        };
-        let closed = |c: &Contact| {
-            let mut approach = speed(c.body_a, c) - speed(c.body_b, c);
-            if c.image != [0; 3] {
-                approach -= image_velocity(world.cell(), c);
-            }
-            -step * c.normal.dot(approach)
-        };
-        let of_pair = |group: &[Contact]| {
-            let bodies = pair(&group[0]);
+        let of_pair = |group: &[(Contact, f64)]| {
+            let (first, bodies) = (&group[0].0, pair(&group[0].0));
             let velocities = bodies.map(of);
             if bodies.iter().all(|&body| self.is_ball(world, body as usize)) {
-                let past = |c: &Contact| self.balls_past(world, c, velocities, step);
+                let past = |(c, _): &(Contact, f64)| self.balls_past(world, c, velocities, step);
                 return group.iter().map(past).collect();
             }
-            let size = self.contact_size(world, &group[0]);
-            let closes = |c: &&Contact| c.gap > 0.0 && closed(c) > c.gap + seen * size;
-            let least = group.iter().filter(closes).map(|c| closed(c) - c.gap).reduce(f64::min);
+            let size = self.contact_size(world, first);
+            let closes = |(c, closed): &&(Contact, f64)| c.gap > 0.0 && *closed > c.gap + seen * size;
+            let least = group.iter().filter(closes).map(|(c, closed)| closed - c.gap).reduce(f64::min);
             let passes = least.is_some_and(|least| {
                 let allowed = (allowed * least).min(seen * size);
                 self.pass_freely(world, bodies, velocities, step, allowed, 0.0)
             });
-            let moved =
-                |c: &Contact| if passes && closes(&c) { Contact { gap: closed(c), ..*c } } else { *c };
+            let moved = |known: &(Contact, f64)| match known {
+                (c, closed) if passes && closes(&known) => Contact { gap: *closed, ..*c },
+                (c, _) => *c,
+            };
             group.iter().map(moved).collect::<Vec<_>>()
         };
-        contacts.par_chunk_by(|c, d| pair(c) == pair(d)).flat_map_iter(of_pair).collect()
+        let closed = u.chunks_exact(3).map(|u| -step * u[0]);
+        let known: Vec<_> = contacts.iter().copied().zip(closed).collect();
+        known.par_chunk_by(|c, d| pair(&c.0) == pair(&d.0)).flat_map_iter(of_pair).collect()
     }
 
     /// [`Self::flown_past`] of two balls:

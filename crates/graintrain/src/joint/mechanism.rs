@@ -535,9 +535,11 @@ impl<'a> Mechanisms<'a> {
         }
     }
 
-    /// v*, six per body.
-    pub(crate) fn free(&self) -> &[f64] {
-        &self.free
+    /// Velocities of all bodies without contacts, with joints that nothing else pulls at, six per body.
+    pub(crate) fn unmet(&self) -> Vec<f64> {
+        let mut velocity = self.free.clone();
+        self.velocities(&[], &mut velocity);
+        velocity
     }
 
     /// The common inverse masses of the mechanisms.

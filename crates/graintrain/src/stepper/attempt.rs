@@ -5,7 +5,7 @@ use super::error::check_velocity;
 use super::mobility;
 use super::repetition::Rounds;
 use super::{StepError, Stepper};
-use crate::assemble::{OverlapCorrection, assemble, contact_rows, of_each, warm_start};
+use crate::assemble::{OverlapCorrection, assemble, contact_rows, of_each, relative_velocities, warm_start};
 use crate::cell::{Cell, moved_mass};
 use crate::cell_problem::CellRows;
 use crate::clock::Clock;
@@ -83,9 +83,8 @@ impl<'a> Posing<'a> {
         how: (f64, OverlapCorrection),
         contacts: &'a [Contact],
         (rows, masses): (Vec<RigidContact>, Vec<BodyInverseMass>),
-        mut mechanisms: Mechanisms<'a>,
+        mechanisms: Mechanisms<'a>,
     ) -> Self {
-        mechanisms.predict(&[]);
         let (problem, free) = pose(world, how, &mechanisms, contacts, (rows, masses));
         let active = (0..contacts.len() as u32).collect();
         Self { world, how, mechanisms, chosen: contacts.into(), active, problem, free }
@@ -145,8 +144,7 @@ fn pose(
     contacts: &[Contact],
     (rows, masses): (Vec<RigidContact>, Vec<BodyInverseMass>),
 ) -> (Ccp, Vec<f64>) {
-    let mut free = mechanisms.free().to_vec();
-    mechanisms.velocities(&[], &mut free);
+    let free = mechanisms.unmet();
     let masses = (masses, mechanisms.coupled());
     (assemble(world, contacts, rows, masses, &free, step, overlap), free)
 }
@@ -169,13 +167,14 @@ impl Stepper {
             self.resolve_impacts(world, Rows { contacts, rows: &rows, inverse_mass: &masses }, &rounds.kept)?;
         let impact_lap = impacting.lap();
         let mut free = free_velocity(world, &impacts.velocity, step);
-        let moved = self.parted(world, rounds, &impacts, &free);
-        let contacts = moved.as_deref().unwrap_or(contacts);
         // In impacts drag has no time to act.
         let masses = if world.drag.is_empty() { masses } else { inverse_mass_in_step(world, step) };
         let pulls = elasticity::pulls(world, contacts, |c| self.collider.contact_size(world, c), step);
         elasticity::apply_pulls(&rows, &pulls, &masses, &mut free);
-        let mechanisms = Mechanisms::new(world, &masses, &impacts.velocity, free, step);
+        let mut mechanisms = Mechanisms::new(world, &masses, &impacts.velocity, free, step);
+        mechanisms.predict(&[]);
+        let moved = self.parted(world, rounds, &impacts, (&rows, &mechanisms.unmet()));
+        let contacts = moved.as_deref().unwrap_or(contacts);
         let how = (step, self.settings.overlap);
         let mut posing = Posing::new(world, how, contacts, (rows, masses), mechanisms);
         let immobile = posing.leave_immobile_out(&rounds.driven);
@@ -232,19 +231,21 @@ impl Stepper {
         world: &World,
         rounds: &Rounds,
         impacts: &Impacts,
-        free: &[f64],
+        (rows, free): (&[RigidContact], &[f64]),
     ) -> Option<Vec<Contact>> {
         let is_ball = |body: u32| self.collider.is_ball(world, body as usize);
         let of_balls = |c: &Contact| is_ball(c.body_a) && is_ball(c.body_b);
         if impacts.count == 0 && rounds.contacts.iter().all(of_balls) {
             return None;
         }
-        // With the spin of now: its mean in the step is that of a body that turns on the way.
+        // With the spin of now: its mean in the step, with which the problem is posed, is that of a body that
+        // turns on the way.
         let mut velocity = free.to_vec();
         for (own, after) in velocity.chunks_exact_mut(6).zip(impacts.velocity.chunks_exact(6)) {
             own[3..].copy_from_slice(&after[3..]);
         }
-        let mut moved = self.flown_past(world, &rounds.contacts, &velocity);
+        let posed = relative_velocities(world.cell(), &rounds.contacts, rows, free);
+        let mut moved = self.flown_past(world, &rounds.contacts, (&velocity, &posed));
         for (now, before) in moved.iter_mut().zip(&rounds.contacts) {
             if rounds.kept.contains(&before.identity) {
                 *now = *before;

@@ -303,19 +303,18 @@ impl Stepper {
         }
         let Parameters { undetected, passed, .. } = self.parameters.repetition;
         let ahead = self.collider.meetings(world, step);
-        let past = self.flown_past(world, &ahead, &attempt.velocity);
-        let met = ahead.into_iter().zip(past).filter(|(c, after)| c.gap == after.gap);
-        let ahead: Vec<Contact> = met.map(|(c, _)| c).collect();
-        before.exchange(world);
         let rows = contact_rows(world, &ahead);
         let u = relative_velocities(attempt.cell.as_ref(), &ahead, &rows, &attempt.velocity);
+        let past = self.flown_past(world, &ahead, (&attempt.velocity, &u));
+        before.exchange(world);
         let known = identities(contacts);
-        let meets = |(c, u): (Contact, &[f64])| {
+        let meets = |((c, u), past): ((Contact, &[f64]), Contact)| {
             let depth = if known.contains(&c.identity) { passed } else { undetected };
             let size = self.collider.contact_size(world, &c);
-            (c.gap.max(0.0) + step * u[0] < -depth * size).then_some(c)
+            (past.gap == c.gap && c.gap.max(0.0) + step * u[0] < -depth * size).then_some(c)
         };
-        let mut closed: Vec<Contact> = ahead.into_iter().zip(u.chunks_exact(3)).filter_map(meets).collect();
+        let found = ahead.into_iter().zip(u.chunks_exact(3)).zip(past);
+        let mut closed: Vec<Contact> = found.filter_map(meets).collect();
         if !closed.is_empty() {
             let mut all = [contacts, &closed].concat();
             leave_covered_out(world, &self.collider, step, &mut all);
