@@ -16,10 +16,10 @@
 //! some relaxed problems by a second-order method on top, with De Saxce's shift held [from
 //! below](fixed_point::from_below): what they leave over lets bodies part, and next to none approach.
 //!
-//! **Exact friction.** `apgs` and `apgd` treat it in their iterations ([`CcpSolver::solve_exact`]). The
-//! problem has no objective, and any of them may circle where another gets on. So they hold a race: a turn of
-//! each, from where the one before ended, one from none, then it is the turn of the one that gained
-//! most per iteration in its last. Where their systems are small, a piece of the
+//! **Exact friction.** `apgs`, `pgs` and `apgd` treat it in their iterations ([`CcpSolver::solve_exact`]).
+//! The problem has no objective, and any of them may circle where another gets on, those with a momentum
+//! most. So they hold a race: a turn of each, from where the one before ended, one from none, then it is the
+//! turn of the one that gained most per iteration in its last. Where their systems are small, a piece of the
 //! [path](super::path_following) comes between. Where nobody gains any more come the search for a proof that
 //! the problem without friction has no solution (then this one has none), the whole path from large tau, and
 //! last the [fixed point](super::fixed_point) on the convex problem with the shift held.
@@ -29,11 +29,11 @@ use super::apgd::Apgd;
 use super::driver::{Best, Limits, check_start};
 use super::first_order::FirstOrder;
 use super::fixed_point;
+use super::gauss_seidel::GaussSeidel;
 use super::history::History;
 use super::infeasible;
 use super::interface::{Capabilities, CcpSolver, Cost, ExactState};
 use super::ipm::Ipm;
-use super::momentum::Memory;
 use super::path_following::PathFollowing;
 use super::report::{SolveReport, StageRecord, Status};
 use super::settings::SolveSettings;
@@ -104,11 +104,11 @@ impl RaceParameters {
         let is_large = problem.num_contacts() >= if suits { in_single } else { in_double };
         if problem.contacts_across() > 0 {
             // Over the rows of a cell sweeps would cost many times what gradients do over its bodies.
-            &[0, 2]
-        } else if is_large || !problem.turning.is_empty() || touches_at_faces(problem) {
+            &[0]
+        } else if is_large || touches_at_faces(problem) {
             &[0, 1, 2]
         } else {
-            &[1, 0, 2]
+            &[1, 2, 0]
         }
     }
 }
@@ -186,16 +186,12 @@ pub struct Cascade {
     pub finish: FinishParameters,
 }
 
-/// The runners of a race, gradients, sweeps with a momentum, and gradients with a momentum that grows and
-/// shrinks boldly, and the path.
+/// The runners of a race, gradients, sweeps with a momentum and sweeps without, and the path.
 fn exact_members() -> [Box<dyn CcpSolver>; 4] {
-    let ordinary = Apgd::default();
-    let memory = Memory { longer: 4.0, shorter: 0.25, ..ordinary.memory.clone() };
-    let bold = Apgd { memory, ..ordinary.clone() };
     [
-        Box::new(FirstOrder::new(ordinary)),
+        Box::new(FirstOrder::new(Apgd::default())),
         Box::new(FirstOrder::new(AcceleratedSweeps::default())),
-        Box::new(FirstOrder::new(bold)),
+        Box::new(FirstOrder::new(GaussSeidel { relaxation: 1.3 })),
         Box::new(PathFollowing::default()),
     ]
 }
