@@ -225,7 +225,7 @@ impl Scene {
             .chain(stages)
             .chain(cell)
             .filter_map(|function| match function {
-                FunctionSpec::File { file } => Some(file),
+                FunctionSpec::File { file, .. } => Some(file),
                 FunctionSpec::Profile(_) => None,
             })
     }
@@ -555,9 +555,9 @@ fn motion_of(spec: &MotionSpec, centre: Vec3) -> Result<Option<Motion>, SceneErr
 
 /// A function of time; reads its file where it has one.
 fn function(spec: &FunctionSpec) -> Result<Profile, SceneError> {
-    let FunctionFile { path, time, value, dimension, location } = match spec {
+    let (FunctionFile { path, time, value, location }, dimension) = match spec {
         FunctionSpec::Profile(profile) => return Ok(profile.clone()),
-        FunctionSpec::File { file } => file,
+        FunctionSpec::File { file, dimension } => (file, dimension),
     };
     let bytes = read_file(path, location)?;
     let is_csv = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));

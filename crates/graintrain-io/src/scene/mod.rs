@@ -60,7 +60,7 @@ pub use measure::{
 pub use joint::{ActuatorSpec, JointForm, JointSpec, MotorSpec, SpringSpec, StopsSpec};
 pub use periodic::{DriveSpec, PeriodicSpec};
 pub use stage::{GrowthSpec, StageBody, StageMaterial, StageSpec, SteadySpec};
-pub use stream::{ExitSpec, OutletSpec, StreamSpec};
+pub use stream::{OutletSpec, StreamSpec};
 
 use graintrain::material::TurningResistance;
 use graintrain::stepper::SolverChoice;

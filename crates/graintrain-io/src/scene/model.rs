@@ -13,7 +13,6 @@ pub use load::{CentralSpec, DragSpec, LoadSpec, PressureSpec};
 pub use material::{MaterialSpec, PairRule, PairSpec};
 pub(crate) use motion::MOTIONS;
 pub use motion::{MotionSpec, SpinSpec, TranslationSpec};
-pub(super) use packing::PACKING;
 pub use packing::{
     DropSpec, FileSpec, GrainSpec, LatticeSpec, PackingFormat, PackingSource, PackingSpec, PoissonSpec,
     RadiusDistribution, RadiusSpec,
@@ -21,32 +20,42 @@ pub use packing::{
 pub(super) use shape::SHAPE;
 pub use shape::{HullSpec, LengthsSpec, MeshSpec, ShapeSpec};
 
-use super::error::{Location, SceneError};
+use super::error::{SceneError, SceneErrorKind};
+use super::names;
 use super::reader::Reader;
-use super::table::{Choice, Field, Spec, table};
+use super::table::{Choice, Field, table};
 use crate::settings::Precision;
 use graintrain::assemble::OverlapCorrection;
 use graintrain::math::{Quat, Vec3};
 use serde::{Serialize, Serializer};
 
 table! {
-    pub(super) static TIME: "`[time]`", at most one of ["end", "steps"] {
+    /// Time step and number of steps.
+    #[derive(Default)]
+    pub struct TimeSpec: "`[time]`", at most one of ["end", "steps"] {
         /// Time step
-        step = Quantity(D::TIME), "required", "\"25 ms\"", Positive;
+        step: f64 = Quantity(D::TIME), "required", "\"25 ms\"", Positive;
         /// Simulated time; rounded up to whole steps
         end = Quantity(D::TIME), "one of end, steps", "\"2 s\"", Positive;
         /// Number of steps
-        steps = Count, "one of end, steps", "120", Positive;
+        steps: u64 = Count, "one of end, steps", "120", Positive => steps;
     }
 }
 
-/// Time step and number of steps.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct TimeSpec {
-    /// Time step, s.
-    pub step: f64,
-    /// Number of steps.
-    pub steps: u64,
+/// Largest number of steps of a run.
+const MOST_STEPS: f64 = 1e12;
+
+/// The number of steps, by the end where the scene names that.
+fn steps(reader: &Reader, key: &str) -> Result<u64, SceneError> {
+    if reader.which()? == key {
+        return reader.field(key);
+    }
+    let ratio = reader.field::<f64>("end")? / reader.field::<f64>("step")?;
+    if ratio > MOST_STEPS {
+        return Err(reader.out_of_range("end", "at most 1e12 steps", format!("{ratio:.3e} steps")));
+    }
+    // Whole steps up to round-off: 2 s in steps of 0.1 s are 20, not 21.
+    Ok(((ratio * (1.0 - 1e-12)).ceil() as u64).max(1))
 }
 
 table! {
@@ -114,81 +123,84 @@ fn share(reader: &Reader, key: &str, parts: u64) -> Result<f64, SceneError> {
 }
 
 table! {
-    pub(super) static BODY: "`[body.NAME]`",
+    /// A single body.
+    pub struct BodySpec: "`[body.NAME]`",
         at most one of ["shape", "parts"],
-        at most one of ["mass", "density"] {
+        at most one of ["mass", "density"],
+        checked by is_body {
         /// Shape
         shape = Table(&SHAPE), "one of shape, parts", "{ sphere = { radius = \"1 cm\" } }";
         /// Several shapes in one rigid body; overlapping volume counts once. `[]`: a body without contacts,
         /// with given mass and inertia
-        parts = Tables(PartSpec::TABLE), "one of shape, parts", "[{ shape = { plane = {} } }]";
+        parts: Vec<PartSpec> = Tables(PartSpec::TABLE), "one of shape, parts",
+            "[{ shape = { plane = {} } }]" => parts;
         /// Material
-        material = Text, "the only material", "\"glass\"";
+        material: String = Text, "the only material", "\"glass\"" => names::material;
         /// Origin of the body's frame in the world
-        position = Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, \"5 cm\"]";
+        position: Vec3 = Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, \"5 cm\"]";
         /// Rotation of the body's frame
-        rotation = Table(&ROTATION), "none", "{ axis = [0, 1, 0], angle = \"30 deg\" }";
+        rotation: RotationSpec = Table(&ROTATION), "none", "{ axis = [0, 1, 0], angle = \"30 deg\" }";
         /// Initial velocity of the centre of mass (in a periodic cell relative to its deformation)
-        velocity = Vector(D::SPEED), "[0, 0, 0]", "[\"1 m/s\", 0, 0]";
+        velocity: Vec3 = Vector(D::SPEED), "[0, 0, 0]", "[\"1 m/s\", 0, 0]";
         /// Initial angular velocity
-        angular_velocity = Vector(D::ANGULAR_SPEED), "[0, 0, 0]", "[0, 0, \"12 rpm\"]";
+        angular_velocity: Vec3 = Vector(D::ANGULAR_SPEED), "[0, 0, 0]", "[0, 0, \"12 rpm\"]";
         /// Mass
-        mass = Quantity(D::MASS), "density x volume", "\"3 kg\"", Positive;
+        mass: Option<f64> = Quantity(D::MASS), "density x volume", "\"3 kg\"", Positive;
         /// Moments of inertia about the axes of the body's frame through its centre of mass (of a mesh: its
         /// origin); only with mass
-        inertia = Vector(D::new(2, 1, 0, 0)), "from mass and shape", "[0.2, 0.3, \"0.2 kg m^2\"]", Positive;
+        inertia: Option<Vec3> = Vector(D::new(2, 1, 0, 0)), "from mass and shape",
+            "[0.2, 0.3, \"0.2 kg m^2\"]", Positive;
         /// Entries xy, xz, yz of the inertia tensor; only with inertia
-        products = Vector(D::new(2, 1, 0, 0)), "[0, 0, 0]", "[0, 0, \"0.01 kg m^2\"]";
+        products: Option<Vec3> = Vector(D::new(2, 1, 0, 0)), "[0, 0, 0]", "[0, 0, \"0.01 kg m^2\"]";
         /// Centre of mass in the body's frame; only with inertia
-        centre = Vector(D::LENGTH), "that of the shapes", "[0, 0, \"2 cm\"]";
+        centre: Option<Vec3> = Vector(D::LENGTH), "that of the shapes", "[0, 0, \"2 cm\"]";
         /// Density of this body
-        density = Quantity(D::DENSITY), "the material's", "\"7800 kg/m^3\"", Positive;
+        density: Option<f64> = Quantity(D::DENSITY), "the material's", "\"7800 kg/m^3\"", Positive;
         /// free, fixed, or a table of prescribed motions
-        motion = TextOr(MotionSpec::TABLE), "free; fixed for planes and meshes", "\"fixed\"" in MOTIONS;
+        motion: MotionSpec = TextOr(MotionSpec::TABLE), "free; fixed for planes and meshes",
+            "\"fixed\"" in MOTIONS => motion;
         /// Bodies defined above it with which it has no contacts. For the two bodies of a joint this is the
         /// default
-        ignores = Texts, "[]", "[\"base\"]";
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        ignores: Vec<String> = Texts, "[]", "[\"base\"]";
+        location
     }
 }
 
-/// A single body.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct BodySpec {
-    /// Its form: one part for a plain shape, none for a body that touches nothing.
-    pub parts: Vec<PartSpec>,
-    /// Name of its material.
-    pub material: String,
-    /// Origin of its frame, m.
-    pub position: Vec3,
-    /// Rotation of its frame.
-    pub rotation: RotationSpec,
-    /// Velocity of the centre of mass, m/s.
-    pub velocity: Vec3,
-    /// rad/s
-    pub angular_velocity: Vec3,
-    /// kg; `None` follows from density and volume.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub mass: Option<f64>,
-    /// Moments of inertia about the axes of the body's frame, kg m^2; `None` follows from mass and shape.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub inertia: Option<Vec3>,
-    /// Entries xy, xz, yz of the tensor of inertia, kg m^2; with `inertia`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub products: Option<Vec3>,
-    /// Centre of mass in the body's frame, m; `None`: that of its shapes. With `inertia`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub centre: Option<Vec3>,
-    /// kg/m^3; `None` is the material's.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub density: Option<f64>,
-    /// How it moves.
-    pub motion: MotionSpec,
-    /// Names of bodies above it that it passes through.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub ignores: Vec<String>,
-    /// Where it is written.
-    #[serde(skip)]
-    pub location: Location,
+/// The form of a body: one part for a plain shape, none for a body that touches nothing.
+fn parts(reader: &Reader, key: &str) -> Result<Vec<PartSpec>, SceneError> {
+    if reader.which()? == key {
+        return reader.field(key);
+    }
+    let rotation = RotationSpec(Quat::IDENTITY);
+    Ok(vec![PartSpec { shape: reader.field("shape")?, position: Vec3::ZERO, rotation }])
+}
+
+/// The motion of a body; one without volume is fixed by default.
+fn motion(reader: &Reader, _: &str) -> Result<MotionSpec, SceneError> {
+    MotionSpec::of_body(reader, is_boundary(&parts(reader, "parts")?))
+}
+
+fn is_boundary(parts: &[PartSpec]) -> bool {
+    parts.iter().any(|part| part.shape.is_boundary())
+}
+
+fn is_body(body: &BodySpec, reader: &Reader) -> Result<(), SceneError> {
+    let BodySpec { parts, inertia, products, centre, motion, .. } = body;
+    if inertia.is_some() && body.mass.is_none() {
+        return Err(reader.missing("mass"));
+    }
+    if inertia.is_none() && (parts.is_empty() || products.or(*centre).is_some()) {
+        return Err(reader.missing("inertia"));
+    }
+    if is_boundary(parts) && inertia.is_none() && motion.free != [false; 6] {
+        let problem = format!(
+            "`{}` has no mass (planes, and meshes that are not `solid`, are boundaries): it cannot be free unless mass and inertia are given",
+            reader.path
+        );
+        return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+    }
+    Ok(())
 }
 
 table! {

@@ -89,6 +89,16 @@ pub(super) fn loads(reader: &Reader, key: &str) -> Result<Option<Vec<String>>, S
     Ok(loads)
 }
 
+/// The seed that a key holds; without it the seed so far behind that of the scene as the table stands behind
+/// the first of these `names`, and `places` more. After the largest whole number of TOML comes 0, so that
+/// every seed can be written out.
+pub(super) fn seed(reader: &Reader, key: &str, names: &[String], places: u64) -> Result<u64, SceneError> {
+    let own = reader.path.split_once('.').map_or("", |(_, name)| name);
+    let number = names.iter().position(|name| name == own).unwrap_or(0) as u64;
+    let behind = reader.context.seed.wrapping_add(places + number) & i64::MAX as u64;
+    Ok(reader.count(key)?.unwrap_or(behind))
+}
+
 /// A body, which has to be given.
 pub(super) fn body(reader: &Reader, key: &str) -> Result<String, SceneError> {
     let name: String = reader.field(key)?;
@@ -111,13 +121,13 @@ pub(super) fn stage(reader: &Reader, key: &str) -> Result<Option<String>, SceneE
 }
 
 /// The material of a body or packing; the only one where it names none.
-pub(super) fn material(reader: &Reader) -> Result<String, SceneError> {
+pub(super) fn material(reader: &Reader, key: &str) -> Result<String, SceneError> {
     let known = &reader.context.names.materials;
-    match (reader.text("material")?, known.as_slice()) {
+    match (reader.text(key)?, known.as_slice()) {
         (None, [only]) => Ok(only.clone()),
-        (None, _) => Err(reader.missing("material")),
+        (None, _) => Err(reader.missing(key)),
         (Some(name), _) => {
-            check(reader, "material", "material", &name, known)?;
+            check(reader, key, "material", &name, known)?;
             Ok(name)
         }
     }

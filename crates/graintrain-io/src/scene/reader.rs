@@ -2,7 +2,7 @@
 //! ranges.
 
 use super::error::{Location, SceneError, SceneErrorKind, Source, closest};
-use super::model::{FunctionFile, FunctionSpec, TimeSpec};
+use super::model::{FunctionSpec, TimeSpec};
 use super::names::Names;
 use super::parameters::Parameters;
 use super::quantity::Dimension;
@@ -25,8 +25,9 @@ pub(crate) struct Context {
     /// Folder that paths in the scene are relative to.
     pub folder: PathBuf,
     pub names: Names,
-    /// Once it is read.
+    /// Once they are read.
     pub time: TimeSpec,
+    pub seed: u64,
 }
 
 /// A table of the scene with the keys that it may have.
@@ -454,15 +455,7 @@ impl<'a> Reader<'a> {
                 }
                 Ok(FunctionSpec::Profile(Profile::Table { times, values }))
             }
-            _ => Ok(FunctionSpec::File {
-                file: FunctionFile {
-                    path: inner.field("path")?,
-                    time: inner.field("time")?,
-                    value: inner.field("value")?,
-                    dimension,
-                    location: inner.location_of(&["path"]).clone(),
-                },
-            }),
+            _ => Ok(FunctionSpec::File { file: self.field("file")?, dimension }),
         }
     }
 

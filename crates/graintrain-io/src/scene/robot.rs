@@ -140,7 +140,7 @@ pub(super) fn read(name: &str, reader: &Reader) -> Result<Parts, SceneError> {
         robot: &robot,
     };
     let import = Import { lumps: import.lumps(), ..import };
-    let material = names::material(reader)?;
+    let material = names::material(reader, "material")?;
     let bodies = import.bodies(&material)?;
     let joints = import.joints(given, &coordinates).map_err(problem)?;
     Ok(Parts { bodies, joints })

@@ -4,7 +4,7 @@ use super::error::{SceneError, SceneErrorKind};
 use super::measure::MeasureSpec;
 use super::model::{FunctionSpec, MOTIONS, MotionSpec};
 use super::names;
-use super::periodic::{DriveSpec, STAGE_PERIODIC};
+use super::periodic::DriveSpec;
 use super::reader::Reader;
 use super::region::REGION;
 use super::schema::{Table, in_order};
@@ -38,7 +38,7 @@ table! {
             "{ packings = [\"sand\"], rate = 0.2, porosity = 0.4, region = { box = { min = [0, 0, 0], max = [1, 1, 1] } } }";
         /// Rates and stresses of the periodic cell from this stage on; other components have rate zero. `t`
         /// is the time since the stage began
-        periodic: Option<DriveSpec> = Table(&STAGE_PERIODIC), "unchanged",
+        periodic: Option<DriveSpec> = Table(DriveSpec::TABLE), "unchanged",
             "{ pressure = \"10 kPa\", rate = { xy = \"0.1/s\" } }";
         /// The loads that act from this stage on; all others are off
         loads: Option<Vec<String>> = Texts, "unchanged", "[\"press\"]" => names::loads;

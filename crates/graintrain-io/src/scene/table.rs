@@ -146,8 +146,25 @@ impl<T: Spec> Field for Vec<T> {
 /// - perhaps the [`Range`](super::schema::Range) of its numbers,
 /// - perhaps the function that reads it, `=> FUNCTION`, a `fn(&Reader, &str) -> Result<TYPE, SceneError>`.
 ///
+/// A row without a type is a key alone, which the function of a field reads: of the number of steps `end`. A
+/// row without what it holds, `source: PackingSource => Spec::read;`, is a field alone, read from the whole
+/// table by a `fn(&Reader) -> Result<TYPE, SceneError>`; after `, with the keys of TABLE` the table has those
+/// keys in this place as well.
+///
 /// `location` at the end stands for a field with the place where the table is written, `location of KEY, KEY`
 /// for that of the first of these keys that is given.
+///
+/// A table of which exactly one key is given is an `enum`; its rows have no default:
+///
+/// ```text
+/// table! {
+///     /// A way out.
+///     pub enum OutletSpec: "`[outlet.NAME]`" {
+///         /// They leave when it is outside the region
+///         Outside(Region): outside = Table(&REGION), "{ box = { min = [-1, -1, -1], max = [1, 1, 1] } }";
+///     }
+/// }
+/// ```
 ///
 /// A table without a struct of its own, read by hand or by that of another one with the same keys, is a
 /// `static` whose rows have no type; the texts that a key may hold are given behind its example:
@@ -168,54 +185,121 @@ macro_rules! table {
     (@choices_of $type:ty => $read:path) => { Vec::new };
     (@choices_of $type:ty) => { <$type as $crate::scene::table::Field>::choices };
     (@choices_of $type:ty, $choices:path $(=> $read:path)?) => { table!(@choices $choices) };
-    (@value $reader:ident, $key:expr) => { $reader.field($key)? };
-    (@value $reader:ident, $key:expr, $read:path) => { $read($reader, $key)? };
-    (
-        $(#[$attribute:meta])*
-        pub struct $name:ident: $heading:literal
-        $(, at most one of [$($alternative:literal),+])* $(, checked by $check:path)? {
-            $(
-                $(#[doc = $about:literal])+
-                $(#[serde($($serde:tt)+)])?
-                $field:ident: $type:ty = $kind:expr, $default:literal, $example:literal $(in $choices:path)?
-                $(, $range:ident)? $(=> $read:path)?;
-            )+
-            $($location:ident $(of $($place:ident),+)?)?
+    (@value $reader:ident $field:ident (key)) => { $reader.field(stringify!($field))? };
+    (@value $reader:ident $field:ident (key $read:path)) => { $read($reader, stringify!($field))? };
+    (@value $reader:ident $field:ident (keys $read:path)) => { $read($reader)? };
+    (@value $reader:ident $field:ident (place $($key:ident)*)) => {
+        $reader.location_of(&[$(stringify!($key)),*]).clone()
+    };
+    (@key $name:ident, $kind:expr, $default:expr, $example:expr, $about:expr, [$($range:ident)?], $choices:expr) => {
+        $crate::scene::schema::Key {
+            name: stringify!($name),
+            kind: $kind,
+            range: table!(@range $($range)?),
+            choices: $choices,
+            default: $default,
+            example: $example,
+            about: $about.trim_ascii_start(),
         }
+    };
+    (@one_of $first:ident $($other:ident)*) => {
+        concat!("one of ", stringify!($first) $(, ", ", stringify!($other))*)
+    };
+    (@table $heading:literal, [$($alternatives:tt)*], $($keys:expr,)+) => {{
+        #[allow(unused_imports)]
+        use $crate::scene::schema::{D, Kind::*, function::*};
+        const KEYS: &[&[$crate::scene::schema::Key]] = &[$($keys),+];
+        $crate::scene::schema::Table {
+            heading: $heading,
+            alternatives: &[$(&$alternatives),*],
+            keys: &$crate::scene::schema::joined::<{ $crate::scene::schema::count(KEYS) }>(KEYS),
+        }
+    }};
+    // A row of a key that is a field.
+    (@rows $head:tt [$($fields:tt)*] [$($keys:tt)*] [$($values:tt)*]
+        $(#[doc = $about:literal])+
+        $(#[serde($($serde:tt)+)])?
+        $field:ident: $type:ty = $kind:expr, $default:literal, $example:literal $(in $choices:path)?
+        $(, $range:ident)? $(=> $read:path)?;
+        $($rows:tt)*
     ) => {
-        $(#[$attribute])*
-        #[derive(Clone, Debug, PartialEq, serde::Serialize)]
-        pub struct $name {
-            $(
+        table! {
+            @rows $head
+            [$($fields)*
                 $(#[doc = $about])+
                 #[doc = concat!("\n\n`", stringify!($kind), "`, default: ", $default)]
                 $(#[serde($($serde)+)])?
                 pub $field: $type,
-            )+
-            $(
+            ]
+            [$($keys)* &[table!(@key $field, $kind, $default, $example, concat!($($about),+), [$($range)?],
+                table!(@choices_of $type $(, $choices)? $(=> $read)?))],]
+            [$($values)* $field (key $($read)?)]
+            $($rows)*
+        }
+    };
+    // A row of a key alone.
+    (@rows $head:tt $fields:tt [$($keys:tt)*] $values:tt
+        $(#[doc = $about:literal])+
+        $key:ident = $kind:expr, $default:literal, $example:literal $(in $choices:path)? $(, $range:ident)?;
+        $($rows:tt)*
+    ) => {
+        table! {
+            @rows $head $fields
+            [$($keys)* &[table!(@key $key, $kind, $default, $example, concat!($($about),+), [$($range)?],
+                table!(@choices $($choices)?))],]
+            $values
+            $($rows)*
+        }
+    };
+    // A row of a field alone, perhaps with keys that another table has as well.
+    (@rows $head:tt [$($fields:tt)*] [$($keys:tt)*] [$($values:tt)*]
+        $(#[$attribute:meta])+
+        $field:ident: $type:ty => $read:path $(, with the keys of $table:expr)?;
+        $($rows:tt)*
+    ) => {
+        table! {
+            @rows $head
+            [$($fields)* $(#[$attribute])+ pub $field: $type,]
+            [$($keys)* $($table.keys,)?]
+            [$($values)* $field (keys $read)]
+            $($rows)*
+        }
+    };
+    (@rows $head:tt [$($fields:tt)*] $keys:tt [$($values:tt)*] $location:ident $(of $($place:ident),+)?) => {
+        table! {
+            @rows $head
+            [$($fields)*
                 /// Where it is written.
                 #[serde(skip)]
                 pub $location: $crate::scene::error::Location,
-            )?
+            ]
+            $keys
+            [$($values)* $location (place $($($place)+)?)]
+        }
+    };
+    (
+        @rows { $(#[$attribute:meta])* $visibility:vis static $name:ident $heading:literal $alternatives:tt }
+        [] [$($keys:tt)+] []
+    ) => {
+        $(#[$attribute])*
+        $visibility static $name: $crate::scene::schema::Table = table!(@table $heading, $alternatives, $($keys)+);
+    };
+    (
+        @rows {
+            $(#[$attribute:meta])* $visibility:vis struct $name:ident $heading:literal $alternatives:tt
+            $($check:path)?
+        }
+        [$($fields:tt)+] [$($keys:tt)+] [$($field:ident $value:tt)+]
+    ) => {
+        $(#[$attribute])*
+        #[derive(Clone, Debug, PartialEq, serde::Serialize)]
+        $visibility struct $name {
+            $($fields)+
         }
 
         impl $crate::scene::table::Spec for $name {
             const TABLE: &'static $crate::scene::schema::Table = {
-                #[allow(unused_imports)]
-                use $crate::scene::schema::{D, Kind::*, function::*};
-                static TABLE: $crate::scene::schema::Table = $crate::scene::schema::Table {
-                    heading: $heading,
-                    alternatives: &[$(&[$($alternative),+]),*],
-                    keys: &[$($crate::scene::schema::Key {
-                        name: stringify!($field),
-                        kind: $kind,
-                        range: table!(@range $($range)?),
-                        choices: table!(@choices_of $type $(, $choices)? $(=> $read)?),
-                        default: $default,
-                        example: $example,
-                        about: concat!($($about),+).trim_ascii_start(),
-                    }),+],
-                };
+                static TABLE: $crate::scene::schema::Table = table!(@table $heading, $alternatives, $($keys)+);
                 &TABLE
             };
 
@@ -223,15 +307,15 @@ macro_rules! table {
                 reader: &$crate::scene::reader::Reader,
             ) -> Result<Self, $crate::scene::error::SceneError> {
                 reader.check_alternatives()?;
-                let spec = Self {
-                    $($field: table!(@value reader, stringify!($field) $(, $read)?),)+
-                    $($location: reader.location_of(&[$($(stringify!($place)),+)?]).clone(),)?
-                };
+                let spec = Self { $($field: table!(@value reader $field $value),)+ };
                 $($check(&spec, reader)?;)?
                 Ok(spec)
             }
         }
 
+        table!(@field $name);
+    };
+    (@field $name:ident) => {
         impl $crate::scene::table::Field for $name {
             fn given(
                 reader: &$crate::scene::reader::Reader,
@@ -243,33 +327,52 @@ macro_rules! table {
     };
     (
         $(#[$attribute:meta])*
-        $visibility:vis static $name:ident: $heading:literal
-        $(, at most one of [$($alternative:literal),+])* {
+        $visibility:vis enum $name:ident: $heading:literal {
             $(
                 $(#[doc = $about:literal])+
-                $key:ident = $kind:expr, $default:literal, $example:literal $(in $choices:path)?
-                $(, $range:ident)?;
+                $form:ident($type:ty): $key:ident = $kind:expr, $example:literal;
             )+
         }
     ) => {
         $(#[$attribute])*
-        $visibility static $name: $crate::scene::schema::Table = {
-            #[allow(unused_imports)]
-            use $crate::scene::schema::{D, Kind::*, function::*};
-            $crate::scene::schema::Table {
-                heading: $heading,
-                alternatives: &[$(&[$($alternative),+]),*],
-                keys: &[$($crate::scene::schema::Key {
-                    name: stringify!($key),
-                    kind: $kind,
-                    range: table!(@range $($range)?),
-                    choices: table!(@choices $($choices)?),
-                    default: $default,
-                    example: $example,
-                    about: concat!($($about),+).trim_ascii_start(),
-                }),+],
+        #[derive(Clone, Debug, PartialEq, serde::Serialize)]
+        #[serde(rename_all = "snake_case")]
+        $visibility enum $name {
+            $($(#[doc = $about])+ $form($type),)+
+        }
+
+        impl $crate::scene::table::Spec for $name {
+            const TABLE: &'static $crate::scene::schema::Table = {
+                const ONE_OF: &str = table!(@one_of $($key)+);
+                static TABLE: $crate::scene::schema::Table = table!(@table $heading, [[$(stringify!($key)),+]],
+                    $(&[table!(@key $key, $kind, ONE_OF, $example, concat!($($about),+), [], Vec::new)],)+);
+                &TABLE
+            };
+
+            fn read(
+                reader: &$crate::scene::reader::Reader,
+            ) -> Result<Self, $crate::scene::error::SceneError> {
+                let form = reader.which()?;
+                $(if form == stringify!($key) {
+                    return reader.field(form).map(Self::$form);
+                })+
+                unreachable!("{form} is no form of {}", $heading)
             }
-        };
+        }
+
+        table!(@field $name);
+    };
+    (
+        $(#[$attribute:meta])*
+        $visibility:vis $sort:ident $name:ident: $heading:literal
+        $(, at most one of [$($alternative:literal),+])* $(, checked by $check:path)? { $($rows:tt)+ }
+    ) => {
+        table! {
+            @rows {
+                $(#[$attribute])* $visibility $sort $name $heading [$([$($alternative),+])*] $($check)?
+            }
+            [] [] [] $($rows)+
+        }
     };
 }
 pub(crate) use table;

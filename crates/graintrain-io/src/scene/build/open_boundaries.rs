@@ -5,7 +5,7 @@ use crate::body_numbers::Members;
 use crate::open_boundaries::OpenBoundaries;
 use crate::radii::RadiusDistribution;
 use crate::scene::model::RadiusSpec;
-use crate::scene::{ExitSpec, StreamSpec};
+use crate::scene::{OutletSpec, StreamSpec};
 use crate::stream::{Exit, Grain, Outlet, Rate, Stream};
 use graintrain::load::Region;
 use graintrain::world::FREE;
@@ -18,10 +18,10 @@ impl Builder {
         self.streams = scene.streams.iter().map(|(name, _)| name.clone()).collect();
         let outlets = scene.outlets.iter().map(|(name, spec)| Outlet {
             name: name.clone(),
-            exit: match &spec.exit {
-                ExitSpec::Behind(plane) => Exit::Behind { point: plane.point, normal: plane.normal },
-                ExitSpec::Outside(region) => Exit::Outside(region.clone()),
-                ExitSpec::Inside(region) => Exit::Inside(region.clone()),
+            exit: match spec {
+                OutletSpec::Behind(plane) => Exit::Behind { point: plane.point, normal: plane.normal },
+                OutletSpec::Outside(region) => Exit::Outside(region.clone()),
+                OutletSpec::Inside(region) => Exit::Inside(region.clone()),
             },
         });
         Ok(OpenBoundaries { streams, outlets: outlets.collect() })

@@ -1,8 +1,8 @@
 //! Functions of time.
 
-use super::super::error::Location;
 use super::super::expression::formula_text;
 use super::super::quantity::Dimension;
+use super::super::table::table;
 use graintrain::motion::Profile;
 use serde::{Serialize, Serializer};
 use std::path::PathBuf;
@@ -16,24 +16,23 @@ pub enum FunctionSpec {
     File {
         /// The file.
         file: FunctionFile,
+        /// Dimension of its values.
+        dimension: Dimension,
     },
 }
 
-/// A file with times and values.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct FunctionFile {
-    /// The file.
-    pub path: PathBuf,
-    /// Column of the times.
-    pub time: String,
-    /// Column of the values.
-    pub value: String,
-    /// Dimension of the values.
-    #[serde(skip)]
-    pub dimension: Dimension,
-    /// Where the path is written.
-    #[serde(skip)]
-    pub location: Location,
+table! {
+    /// A file with times and values.
+    pub struct FunctionFile: "`file` of a function of time" {
+        /// CSV (or columns separated by blanks) with a header line that names the columns, with units in
+        /// brackets
+        path: PathBuf = Text, "required", "\"record.csv\"";
+        /// Column of the ascending times
+        time: String = Text, "\"time\"", "\"t\"";
+        /// Column of the values
+        value: String = Text, "\"value\"", "\"force_z\"";
+        location of path
+    }
 }
 
 impl FunctionSpec {
@@ -53,7 +52,7 @@ impl Serialize for FunctionSpec {
             File(&'a FunctionFile),
         }
         match self {
-            Self::File { file } => Form::File(file).serialize(serializer),
+            Self::File { file, .. } => Form::File(file).serialize(serializer),
             Self::Profile(Profile::Constant(value)) => serializer.serialize_f64(*value),
             Self::Profile(Profile::Formula(formula)) => serializer.serialize_str(&formula_text(formula)),
             Self::Profile(Profile::Sinusoidal { amplitude, period, phase }) => {

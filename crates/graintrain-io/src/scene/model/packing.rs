@@ -1,9 +1,10 @@
 //! Packings.
 
-use super::super::error::{Location, SceneError, SceneErrorKind};
-use super::super::radius::RADIUS;
+use super::super::error::{SceneError, SceneErrorKind};
+use super::super::names;
+use super::super::radius::{RADIUS, radius};
 use super::super::reader::Reader;
-use super::super::region::{BOX_REGION, CYLINDER_REGION};
+use super::super::region::{BOX_REGION, CYLINDER_REGION, region};
 use super::super::table::{Choice, Spec, table};
 use super::shape::SHAPE;
 use super::{PartSpec, ShapeSpec};
@@ -14,21 +15,13 @@ use serde::{Serialize, Serializer};
 use std::path::PathBuf;
 
 table! {
-    pub(in crate::scene) static PACKING: "`[packing.NAME]`",
+    /// Many bodies at once.
+    pub struct PackingSpec: "`[packing.NAME]`",
         at most one of ["lattice", "drop", "poisson", "file"],
         at most one of ["radius", "shape", "parts"] {
-        /// Bodies on a perturbed cubic lattice
-        lattice = Table(LatticeSpec::TABLE), "one of lattice, drop, poisson, file",
-            "{ counts = [9, 9, 9], pitch = 0.23 }";
-        /// Bodies at random positions in a region, without overlap
-        drop = Table(&DROP), "one of lattice, drop, poisson, file",
-            "{ count = 500, box = { min = [0, 0, 0], max = [1, 1, 3] } }";
-        /// Bodies at random positions with a minimum distance that fill a region evenly (Poisson-disk
-        /// sampling)
-        poisson = Table(&POISSON), "one of lattice, drop, poisson, file",
-            "{ distance = 0.1, box = { min = [0, 0, 0], max = [1, 1, 3] } }";
-        /// Spheres from a file
-        file = Table(FileSpec::TABLE), "one of lattice, drop, poisson, file", "{ path = \"pile.vtu\" }";
+        /// Where they come from.
+        #[serde(flatten)]
+        source: PackingSource => Spec::read, with the keys of PackingSource::TABLE;
         /// Radius of the spheres: one value, or a distribution
         radius = QuantityOr(D::LENGTH, &RADIUS), "one of radius, shape, parts; the file's",
             "\"5 mm\"", Positive;
@@ -47,25 +40,30 @@ table! {
         velocity = Vector(D::SPEED), "[0, 0, 0]", "[0, 0, \"-1 m/s\"]";
         /// Bodies keep their orientation
         lock_rotation = Flag, "false", "true";
+        /// The bodies.
+        #[serde(flatten)]
+        grains: GrainSpec => grains;
         /// Seed of this packing
-        seed = Count, "seed of the scene + number of the packing", "7";
+        seed: u64 = Count, "seed of the scene + number of the packing", "7" => seed;
+        location
     }
 }
 
-/// Many bodies at once.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct PackingSpec {
-    /// Where they come from.
-    #[serde(flatten)]
-    pub source: PackingSource,
-    /// The bodies.
-    #[serde(flatten)]
-    pub grains: GrainSpec,
-    /// Seed.
-    pub seed: u64,
-    /// Where it is written.
-    #[serde(skip)]
-    pub location: Location,
+table! {
+    /// Where the bodies of a packing come from.
+    pub enum PackingSource: "`[packing.NAME]`" {
+        /// Bodies on a perturbed cubic lattice
+        Lattice(LatticeSpec): lattice = Table(LatticeSpec::TABLE), "{ counts = [9, 9, 9], pitch = 0.23 }";
+        /// Bodies at random positions in a region, without overlap
+        Drop(DropSpec): drop = Table(DropSpec::TABLE),
+            "{ count = 500, box = { min = [0, 0, 0], max = [1, 1, 3] } }";
+        /// Bodies at random positions with a minimum distance that fill a region evenly (Poisson-disk
+        /// sampling)
+        Poisson(PoissonSpec): poisson = Table(PoissonSpec::TABLE),
+            "{ distance = 0.1, box = { min = [0, 0, 0], max = [1, 1, 3] } }";
+        /// Spheres from a file
+        File(FileSpec): file = Table(FileSpec::TABLE), "{ path = \"pile.vtu\" }";
+    }
 }
 
 /// The bodies of a packing or a stream.
@@ -91,18 +89,60 @@ pub struct GrainSpec {
     pub lock_rotation: bool,
 }
 
-/// Where the bodies of a packing come from.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum PackingSource {
-    /// Perturbed cubic lattice.
-    Lattice(LatticeSpec),
-    /// Random places.
-    Drop(DropSpec),
-    /// Places of a least distance.
-    Poisson(PoissonSpec),
-    /// A file.
-    File(FileSpec),
+impl GrainSpec {
+    /// Those of a packing or a stream, whose size the scene has to name.
+    pub(in crate::scene) fn read(reader: &Reader) -> Result<Self, SceneError> {
+        match reader.at_most_one_of(SIZES)? {
+            Some(_) => Self::of_any_size(reader),
+            None => Err(reader.missing("radius")),
+        }
+    }
+
+    /// The same where a file may have the sizes.
+    fn of_any_size(reader: &Reader) -> Result<Self, SceneError> {
+        let size = reader.at_most_one_of(SIZES)?;
+        let shape: Option<ShapeSpec> = reader.field("shape")?;
+        let parts: Vec<PartSpec> = reader.field("parts")?;
+        for (key, shape) in
+            shape.iter().map(|shape| ("shape", shape)).chain(parts.iter().map(|part| ("parts", &part.shape)))
+        {
+            // Meshes do not touch each other.
+            if matches!(shape, ShapeSpec::Plane { .. } | ShapeSpec::Mesh(_)) {
+                return Err(reader.out_of_range(key, "a shape with volume", "a plane or mesh"));
+            }
+        }
+        if size == Some("parts") && parts.is_empty() {
+            return Err(reader.out_of_range("parts", "at least one part", "none"));
+        }
+        Ok(Self {
+            radius: radius(reader)?,
+            shape,
+            parts,
+            random_rotation: reader.field("random_rotation")?,
+            material: names::material(reader, "material")?,
+            velocity: reader.field("velocity")?,
+            lock_rotation: reader.field("lock_rotation")?,
+        })
+    }
+}
+
+/// What the size of bodies follows from.
+const SIZES: &[&str] = &["radius", "shape", "parts"];
+
+/// The bodies of a packing: spheres where they come from a file.
+fn grains(reader: &Reader) -> Result<GrainSpec, SceneError> {
+    if reader.get("file").is_none() {
+        return GrainSpec::read(reader);
+    }
+    if let Some(form) = reader.at_most_one_of(&["shape", "parts"])? {
+        let problem = format!("a packing from a file holds spheres: it takes no `{form}`");
+        return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+    }
+    GrainSpec::of_any_size(reader)
+}
+
+fn seed(reader: &Reader, key: &str) -> Result<u64, SceneError> {
+    names::seed(reader, key, &reader.context.names.packings, 0)
 }
 
 table! {
@@ -120,45 +160,34 @@ table! {
 }
 
 table! {
-    static DROP: "`packing.NAME.drop`", at most one of ["box", "cylinder"] {
+    /// Random places.
+    pub struct DropSpec: "`packing.NAME.drop`", at most one of ["box", "cylinder"] {
         /// Number of bodies
-        count = Count, "required", "500", Positive;
-        /// Region: box
-        box = Table(&BOX_REGION), "one of box, cylinder", "{ min = [0, 0, 0], max = [1, 1, 3] }";
-        /// Region: upright cylinder
-        cylinder = Table(&CYLINDER_REGION), "one of box, cylinder", "{ radius = 1, height = 3 }";
+        count: usize = Count, "required", "500", Positive;
+        /// Region.
+        #[serde(flatten)]
+        region: Region => region, with the keys of OWN_REGION;
     }
-}
-
-/// Random places.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct DropSpec {
-    /// Number of bodies.
-    pub count: usize,
-    /// Region.
-    #[serde(flatten)]
-    pub region: Region,
 }
 
 table! {
-    static POISSON: "`packing.NAME.poisson`", at most one of ["box", "cylinder"] {
+    /// Places of a least distance.
+    pub struct PoissonSpec: "`packing.NAME.poisson`", at most one of ["box", "cylinder"] {
         /// Minimum distance of two centres
-        distance = Quantity(D::LENGTH), "required", "\"12 mm\"", Positive;
+        distance: f64 = Quantity(D::LENGTH), "required", "\"12 mm\"", Positive;
+        /// Region.
+        #[serde(flatten)]
+        region: Region => region, with the keys of OWN_REGION;
+    }
+}
+
+table! {
+    static OWN_REGION: "Region of a packing" {
         /// Region: box
         box = Table(&BOX_REGION), "one of box, cylinder", "{ min = [0, 0, 0], max = [1, 1, 3] }";
         /// Region: upright cylinder
         cylinder = Table(&CYLINDER_REGION), "one of box, cylinder", "{ radius = 1, height = 3 }";
     }
-}
-
-/// Places of a least distance.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct PoissonSpec {
-    /// Least distance of two centres, m.
-    pub distance: f64,
-    /// Region.
-    #[serde(flatten)]
-    pub region: Region,
 }
 
 table! {

@@ -131,15 +131,15 @@ const SHAPE_NAMES: &[&str] = &{
     names
 };
 
-const SHAPE_KEYS: [Key; OTHERS.len() + BY_LENGTHS.len()] = {
-    let mut keys = [OTHERS[0]; OTHERS.len() + BY_LENGTHS.len()];
+const SHAPE_KEYS: [Key; OTHERS.keys.len() + BY_LENGTHS.len()] = {
+    let mut keys = [OTHERS.keys[0]; OTHERS.keys.len() + BY_LENGTHS.len()];
     let mut number = 0;
     while number < keys.len() {
         keys[number] = if number < BY_LENGTHS.len() {
             let form = BY_LENGTHS[number];
             key(form.name, Kind::Table(&LENGTHS_TABLES[number]), "one of", form.example, form.meaning)
         } else {
-            OTHERS[number - BY_LENGTHS.len()]
+            OTHERS.keys[number - BY_LENGTHS.len()]
         };
         number += 1;
     }
@@ -153,7 +153,7 @@ const MOST: usize = 3;
 
 /// The keys of each shape of lengths; behind them the first one again.
 const LENGTH_KEYS: [[Key; MOST]; BY_LENGTHS.len()] = {
-    let mut all = [[OTHERS[0]; MOST]; BY_LENGTHS.len()];
+    let mut all = [[OTHERS.keys[0]; MOST]; BY_LENGTHS.len()];
     let mut form = 0;
     while form < all.len() {
         let mut number = 0;
@@ -183,25 +183,19 @@ static LENGTHS_TABLES: [Table; BY_LENGTHS.len()] = {
     tables
 };
 
-/// The shapes that lengths alone do not describe.
-const OTHERS: [Key; 4] = [
-    key("box", Kind::Table(&BOX), "one of", "{ size = [1, 2, 3] }", "Box centred at the origin"),
-    key(
-        "plane",
-        Kind::Table(&PLANE),
-        "one of",
-        "{ normal = [0, 0, 1] }",
-        "Half-space below the plane through the origin; a massless boundary",
-    ),
-    key("hull", Kind::Table(HullSpec::TABLE), "one of", "{ file = \"stone.stl\" }", "Convex hull of points"),
-    key(
-        "mesh",
-        Kind::Table(MeshSpec::TABLE),
-        "one of",
-        "{ file = \"hopper.stl\" }",
-        "Triangle mesh: a massless boundary, or a solid",
-    ),
-];
+table! {
+    /// The shapes that lengths alone do not describe.
+    static OTHERS: "`shape`" {
+        /// Box centred at the origin
+        box = Table(&BOX), "one of", "{ size = [1, 2, 3] }";
+        /// Half-space below the plane through the origin; a massless boundary
+        plane = Table(&PLANE), "one of", "{ normal = [0, 0, 1] }";
+        /// Convex hull of points
+        hull = Table(HullSpec::TABLE), "one of", "{ file = \"stone.stl\" }";
+        /// Triangle mesh: a massless boundary, or a solid
+        mesh = Table(MeshSpec::TABLE), "one of", "{ file = \"hopper.stl\" }";
+    }
+}
 
 table! {
     static BOX: "`shape.box`" {

@@ -1,6 +1,8 @@
 //! Keys of functions of time.
 
-use super::Kind::{self, List, Quantity, Text};
+use super::super::model::FunctionFile;
+use super::super::table::Spec;
+use super::Kind::{self, List, Quantity};
 use super::{D, Key, Range, Table, key};
 
 /// The tables of a function of time whose values have one dimension.
@@ -26,7 +28,7 @@ macro_rules! function_of_time {
                 ),
                 key(
                     "file",
-                    Kind::Table(&FUNCTION_FILE),
+                    Kind::Table(FunctionFile::TABLE),
                     "one of",
                     "{ path = \"record.csv\", value = \"value\" }",
                     "A table from a file",
@@ -89,19 +91,3 @@ function_of_time!(RATE, RATE_SINUSOID, RATE_TABLE, "rate", D::RATE, "\"0.1/s\"")
 
 function_of_time!(LENGTH, LENGTH_SINUSOID, LENGTH_TABLE, "length", D::LENGTH, "\"20 cm\"");
 function_of_time!(ANGLE, ANGLE_SINUSOID, ANGLE_TABLE, "angle", D::ANGLE, "\"15 deg\"");
-
-static FUNCTION_FILE: Table = Table {
-    heading: "`file` of a function of time",
-    alternatives: &[],
-    keys: &[
-        key(
-            "path",
-            Text,
-            "required",
-            "\"record.csv\"",
-            "CSV (or columns separated by blanks) with a header line that names the columns, with units in brackets",
-        ),
-        key("time", Text, "\"time\"", "\"t\"", "Column of the ascending times"),
-        key("value", Text, "\"value\"", "\"force_z\"", "Column of the values"),
-    ],
-};

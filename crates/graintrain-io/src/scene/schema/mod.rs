@@ -7,13 +7,15 @@ pub(super) mod function;
 
 use super::joint::JointSpec;
 use super::measure::MEASURE;
-use super::model::{BODY, ContactSpec, LoadSpec, MaterialSpec, OutputSpec, PACKING, PairSpec, TIME};
-use super::periodic::PERIODIC;
+use super::model::{
+    BodySpec, ContactSpec, LoadSpec, MaterialSpec, OutputSpec, PackingSpec, PairSpec, TimeSpec,
+};
+use super::periodic::PeriodicSpec;
 use super::quantity::Dimension;
 use super::robot::ROBOT;
-use super::solver::SOLVER;
+use super::solver::SolverKeys;
 use super::stage::STAGE;
-use super::stream::{OUTLET, STREAM};
+use super::stream::{OutletSpec, StreamSpec};
 use super::table::{Spec, table};
 
 /// What a key holds.
@@ -151,11 +153,6 @@ impl Key {
     pub(super) const fn within(self, range: Range) -> Self {
         Self { range, ..self }
     }
-
-    /// The same key whose text is one of these.
-    pub(super) const fn one_of(self, choices: fn() -> Vec<&'static str>) -> Self {
-        Self { choices, ..self }
-    }
 }
 
 /// The first of each pair: the names among which [`Reader::choice`](super::reader::Reader::choice) chooses a
@@ -216,6 +213,31 @@ pub(super) const fn in_order<const N: usize>(keys: &[Key], numbers: [usize; N]) 
     sorted
 }
 
+/// Number of keys of several lists together.
+pub(super) const fn count(lists: &[&[Key]]) -> usize {
+    let (mut keys, mut list) = (0, 0);
+    while list < lists.len() {
+        keys += lists[list].len();
+        list += 1;
+    }
+    keys
+}
+
+/// The keys of several lists, one after the other.
+pub(super) const fn joined<const N: usize>(lists: &[&[Key]]) -> [Key; N] {
+    let mut all = [lists[0][0]; N];
+    let (mut place, mut list) = (0, 0);
+    while list < lists.len() {
+        let mut key = 0;
+        while key < lists[list].len() {
+            all[place] = lists[list][key];
+            (place, key) = (place + 1, key + 1);
+        }
+        list += 1;
+    }
+    all
+}
+
 /// Keys that exclude `key` in the table with this dotted path: setting one of them unsets the others.
 pub(crate) fn alternatives(path: &str, key: &str) -> Vec<&'static str> {
     let mut table = &SCENE;
@@ -258,14 +280,14 @@ table! {
         /// Named values for expressions, set with `--set n=8`; names of units, functions and pi are reserved
         parameters = Free, "none", "{ n = 4, pitch = \"0.23 m\" }";
         /// Time step and end
-        time = Table(&TIME), "required", "{ step = \"1 ms\", end = \"2 s\" }";
+        time = Table(TimeSpec::TABLE), "required", "{ step = \"1 ms\", end = \"2 s\" }";
         /// Contact detection, overlap
         contact = Table(ContactSpec::TABLE), "its keys' defaults", "{ envelope = \"1 mm\" }";
         /// Periodic cell, of constant form, deformed, or under a stress
-        periodic = Table(&PERIODIC), "unbounded space",
+        periodic = Table(PeriodicSpec::TABLE), "unbounded space",
             "{ min = [0, 0, 0], max = [1, 1, 1], rate = { xy = \"0.1/s\" } }";
         /// Contact solver
-        solver = Table(&SOLVER), "its keys' defaults", "{ tolerance = 1e-5 }";
+        solver = Table(SolverKeys::TABLE), "its keys' defaults", "{ tolerance = 1e-5 }";
         /// What is written
         output = Table(OutputSpec::TABLE), "its keys' defaults", "{ every = \"0.1 s\" }";
         /// Materials by name
@@ -273,17 +295,17 @@ table! {
         /// Properties of pairs of materials
         pair = Tables(PairSpec::TABLE), "none", "[{ materials = [\"glass\", \"steel\"], friction = 0.2 }]";
         /// Single bodies by name
-        body = Named(&BODY), "none", "{ ball = { shape = { sphere = { radius = 1 } } } }";
+        body = Named(BodySpec::TABLE), "none", "{ ball = { shape = { sphere = { radius = 1 } } } }";
         /// Robots from URDF files, by name: bodies and joints
         robot = Named(&ROBOT), "none", "{ arm = { file = \"arm.urdf\", fixed = true } }";
         /// Many bodies at once, by name
-        packing = Named(&PACKING), "none", "{ grains = { radius = 0.1, file = { path = \"a.csv\" } } }";
+        packing = Named(PackingSpec::TABLE), "none", "{ grains = { radius = 0.1, file = { path = \"a.csv\" } } }";
         /// Bodies that enter during the run, by name
-        stream = Named(&STREAM),
+        stream = Named(StreamSpec::TABLE),
             "none",
             "{ rain = { radius = 0.01, rate = 100, region = { box = { min = [0, 0, 1], max = [1, 1, 1.1] } } } }";
         /// Where bodies leave, by name; a body leaves through the first outlet that applies
-        outlet = Named(&OUTLET), "none", "{ bottom = { behind = { point = [0, 0, -1] } } }";
+        outlet = Named(OutletSpec::TABLE), "none", "{ bottom = { behind = { point = [0, 0, -1] } } }";
         /// Forces, torques and fields by name
         load = Named(LoadSpec::TABLE), "none",
             "{ push = { bodies = [\"wheel\"], force = [0, 0, \"-2 kN\"] } }";
