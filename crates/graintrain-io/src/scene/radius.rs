@@ -46,10 +46,7 @@ table! {
         mean = Quantity(D::LENGTH), "required", "\"5 mm\"", Positive;
         /// Standard deviation before the cut
         deviation = Quantity(D::LENGTH), "required", "\"0.5 mm\"", NotNegative;
-        /// Smallest radius
-        min = Quantity(D::LENGTH), "required", "\"4 mm\"", Positive;
-        /// Largest radius
-        max = Quantity(D::LENGTH), "required", "\"6 mm\"", Positive;
+        keys of UNIFORM;
     }
 }
 
@@ -59,10 +56,7 @@ table! {
         median = Quantity(D::LENGTH), "required", "\"5 mm\"", Positive;
         /// Standard deviation of the logarithm before the cut
         deviation = Quantity(D::NONE), "required", "0.2", NotNegative;
-        /// Smallest radius
-        min = Quantity(D::LENGTH), "required", "\"4 mm\"", Positive;
-        /// Largest radius
-        max = Quantity(D::LENGTH), "required", "\"6 mm\"", Positive;
+        keys of UNIFORM;
     }
 }
 
@@ -81,10 +75,7 @@ table! {
         size = Quantity(D::LENGTH), "required", "\"5 mm\"", Positive;
         /// Exponent, at most 100: the larger, the narrower
         spread = Quantity(D::NONE), "required", "3", Positive;
-        /// Smallest radius
-        min = Quantity(D::LENGTH), "required", "\"4 mm\"", Positive;
-        /// Largest radius
-        max = Quantity(D::LENGTH), "required", "\"6 mm\"", Positive;
+        keys of UNIFORM;
     }
 }
 

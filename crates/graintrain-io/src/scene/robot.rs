@@ -49,32 +49,36 @@ table! {
         /// Folder that holds the packages of its `package://` paths
         packages = Text, "searched in the parent folders of the file", "\"../share\"";
         /// Initial positions and drives of its joints, by their names in the file
-        joint = Named(&ROBOT_JOINT), "as in the file",
+        joint = Named(RobotJoint::TABLE), "as in the file",
             "{ elbow = { angle = \"-90 deg\", motor = { speed = 0 } } }";
     }
 }
 
 table! {
-    static ROBOT_JOINT: "`[robot.NAME.joint.NAME]`",
+    /// What the scene says of a joint.
+    #[derive(Default)]
+    struct RobotJoint: "`[robot.NAME.joint.NAME]`",
         at most one of ["angle", "slide"],
         at most one of ["motor", "actuator"],
         at most one of ["torsion_spring", "spring"] {
         /// Initial angle in the URDF convention
-        angle = Quantity(D::ANGLE), "0, or the limit nearest to it", "\"30 deg\"";
+        angle: Option<f64> = Quantity(D::ANGLE), "0, or the limit nearest to it", "\"30 deg\"";
         /// Initial displacement in the URDF convention
-        slide = Quantity(D::LENGTH), "0, or the limit nearest to it", "\"5 cm\"";
+        slide: Option<f64> = Quantity(D::LENGTH), "0, or the limit nearest to it", "\"5 cm\"";
         /// As in a joint; the default of the maximum torque is the file's `effort`
-        motor = Table(MotorSpec::TABLE), "none", "{ speed = \"20 rpm\" }";
+        motor: Option<MotorSpec> = Table(MotorSpec::TABLE), "none", "{ speed = \"20 rpm\" }";
         /// The same for a displacement
-        actuator = Table(ActuatorSpec::TABLE), "none", "{ speed = \"5 cm/s\" }";
+        actuator: Option<ActuatorSpec> = Table(ActuatorSpec::TABLE), "none", "{ speed = \"5 cm/s\" }";
         /// As in a joint; its angles are relative to the initial angle
-        torsion_spring = Table(&TORSION_SPRING), "the file's `damping`", "{ stiffness = \"30 N m/rad\" }";
+        torsion_spring: Option<SpringSpec> = Table(&TORSION_SPRING), "the file's `damping`",
+            "{ stiffness = \"30 N m/rad\" }";
         /// The same for a displacement
-        spring = Table(SpringSpec::TABLE), "the file's `damping`", "{ stiffness = \"10 kN/m\" }";
+        spring: Option<SpringSpec> = Table(SpringSpec::TABLE), "the file's `damping`",
+            "{ stiffness = \"10 kN/m\" }";
         /// Limits of an angle in the URDF convention
-        angles = Table(&ANGLES), "the file's", "{ upper = \"90 deg\" }";
+        angles: Option<StopsSpec> = Table(&ANGLES), "the file's", "{ upper = \"90 deg\" }";
         /// Limits of a displacement in the URDF convention
-        travel = Table(StopsSpec::TABLE), "the file's", "{ upper = \"12 cm\" }";
+        travel: Option<StopsSpec> = Table(StopsSpec::TABLE), "the file's", "{ upper = \"12 cm\" }";
     }
 }
 
@@ -88,15 +92,17 @@ pub(super) struct Parts {
     pub joints: Vec<(String, JointSpec)>,
 }
 
-/// What the scene says of a joint.
-struct Given {
-    /// As the file counts it.
-    coordinate: Option<f64>,
-    motor: Option<MotorSpec>,
-    actuator: Option<ActuatorSpec>,
-    spring: Option<SpringSpec>,
-    /// As the file counts them.
-    stops: [Option<f64>; 2],
+impl RobotJoint {
+    /// Where it starts, as the file counts.
+    fn coordinate(&self) -> Option<f64> {
+        self.angle.or(self.slide)
+    }
+
+    /// The lower and the upper stop, as the file counts.
+    fn stops(&self, joint: &Joint) -> [Option<f64>; 2] {
+        let own = self.angles.as_ref().or(self.travel.as_ref());
+        own.map_or([joint.lower, joint.upper], |stops| [stops.lower, stops.upper])
+    }
 }
 
 /// Links that move as one.
@@ -151,7 +157,7 @@ fn root_pose(reader: &Reader) -> Result<Pose, SceneError> {
 }
 
 /// What the scene says of each joint of the file.
-fn given(reader: &Reader, robot: &Robot) -> Result<Vec<Given>, SceneError> {
+fn given(reader: &Reader, robot: &Robot) -> Result<Vec<RobotJoint>, SceneError> {
     let named = reader.named("joint")?;
     let moves = |joint: &&Joint| matches!(joint.kind, JointKind::Turns | JointKind::Slides);
     let known = robot.joints.iter().filter(moves).map(|joint| joint.name.as_str());
@@ -160,8 +166,7 @@ fn given(reader: &Reader, robot: &Robot) -> Result<Vec<Given>, SceneError> {
     }
     let of = |joint: &Joint| {
         let Some((_, own)) = named.iter().find(|(name, _)| *name == joint.name) else {
-            let stops = [joint.lower, joint.upper];
-            return Ok(Given { coordinate: None, motor: None, actuator: None, spring: None, stops });
+            return Ok(RobotJoint::default());
         };
         let turns = joint.kind == JointKind::Turns;
         let (own_keys, useless) = if turns { (TURNING, SLIDING) } else { (SLIDING, TURNING) };
@@ -170,23 +175,13 @@ fn given(reader: &Reader, robot: &Robot) -> Result<Vec<Given>, SceneError> {
             let problem = format!("`{}` has no meaning for a joint that {how}: remove it", own.full(key));
             return Err(SceneError::at(SceneErrorKind::Contradiction(problem), own.location()));
         }
-        let [coordinate_key, spring_key, stops_key, _] = own_keys;
-        let coordinate = own.quantity(coordinate_key)?;
-        let stops = own
-            .field::<Option<StopsSpec>>(stops_key)?
-            .map_or([joint.lower, joint.upper], |stops| [stops.lower, stops.upper]);
-        let (lower, upper) = range(stops);
-        if let Some(outside) = coordinate.filter(|x| !(lower..=upper).contains(x)) {
+        let spec = RobotJoint::read(own)?;
+        let (lower, upper) = range(spec.stops(joint));
+        if let Some(outside) = spec.coordinate().filter(|x| !(lower..=upper).contains(x)) {
             let requirement = format!("between its stops, {lower} and {upper}");
-            return Err(own.out_of_range(coordinate_key, &requirement, outside));
+            return Err(own.out_of_range(own_keys[0], &requirement, outside));
         }
-        Ok(Given {
-            coordinate,
-            motor: own.field("motor")?,
-            actuator: own.field("actuator")?,
-            spring: own.field(spring_key)?,
-            stops,
-        })
+        Ok(spec)
     };
     robot.joints.iter().map(of).collect()
 }
@@ -201,7 +196,7 @@ fn range([lower, upper]: [Option<f64>; 2]) -> (f64, f64) {
 }
 
 /// Where the joints start, as the file counts: as given, by the joint that they mimic, or nearest to zero.
-fn coordinates(robot: &Robot, given: &[Given]) -> Result<Vec<f64>, FileProblem> {
+fn coordinates(robot: &Robot, given: &[RobotJoint]) -> Result<Vec<f64>, FileProblem> {
     let by_name: HashMap<&str, usize> =
         robot.joints.iter().enumerate().map(|(k, joint)| (joint.name.as_str(), k)).collect();
     let of = |start: &Joint| {
@@ -209,10 +204,10 @@ fn coordinates(robot: &Robot, given: &[Given]) -> Result<Vec<f64>, FileProblem> 
         for _ in &robot.joints {
             let joint = &robot.joints[k];
             let Some((leader, multiplier, offset)) =
-                joint.mimic.as_ref().filter(|_| given[k].coordinate.is_none())
+                joint.mimic.as_ref().filter(|_| given[k].coordinate().is_none())
             else {
-                let (lower, upper) = range(given[k].stops);
-                return Ok(sum + factor * given[k].coordinate.unwrap_or(0.0_f64.max(lower).min(upper)));
+                let (lower, upper) = range(given[k].stops(joint));
+                return Ok(sum + factor * given[k].coordinate().unwrap_or(0.0_f64.max(lower).min(upper)));
             };
             (sum, factor) = (sum + factor * offset, factor * multiplier);
             k = *by_name.get(leader.as_str()).ok_or_else(|| {
@@ -412,7 +407,11 @@ impl Import<'_> {
         Ok(ShapeSpec::Mesh(MeshSpec { file, vertices, triangles, scale, solid: true, location }))
     }
 
-    fn joints(&self, given: Vec<Given>, starts: &[f64]) -> Result<Vec<(String, JointSpec)>, FileProblem> {
+    fn joints(
+        &self,
+        given: Vec<RobotJoint>,
+        starts: &[f64],
+    ) -> Result<Vec<(String, JointSpec)>, FileProblem> {
         let (mut joints, mut gears) = (Vec::new(), Vec::new());
         let of_joint = |name: &str| format!("{}/{name}", self.name);
         let is_made = |joint: &Joint| {
@@ -441,12 +440,13 @@ impl Import<'_> {
     }
 
     /// A joint that turns or slides, and starts at this coordinate.
-    fn joint(&self, joint: &Joint, given: Given, start: f64) -> Result<JointSpec, FileProblem> {
+    fn joint(&self, joint: &Joint, given: RobotJoint, start: f64) -> Result<JointSpec, FileProblem> {
         let turns = joint.kind == JointKind::Turns;
         let [parent, child] = [joint.parent, joint.child].map(|link| self.owners[link]);
         let bodies = [parent, child].into_iter().filter(|&owner| !self.is_world(owner));
         let place = self.places[joint.child];
-        let (lower, upper) = range(given.stops);
+        let stops = given.stops(joint);
+        let (lower, upper) = range(stops);
         if lower >= upper {
             let problem = format!(
                 "the stops of the joint `{0}`, {lower} and {upper}, leave it no way: give it others, `joint.{0}.{1} = {{ lower = -1, upper = 1 }}`, \
@@ -456,7 +456,7 @@ impl Import<'_> {
             );
             return Err(FileProblem::at(joint.line, problem));
         }
-        let [lower, upper] = given.stops.map(|bound| bound.map(|bound| bound - start));
+        let [lower, upper] = stops.map(|bound| bound.map(|bound| bound - start));
         let stops = lower.or(upper).map(|_| StopsSpec { lower, upper });
         let constant = FunctionSpec::constant;
         let effort = joint.effort.map(constant);
@@ -465,7 +465,7 @@ impl Import<'_> {
         let drive = drive.or(given.actuator.map(|ActuatorSpec { speed, force }| (speed, force)));
         let drive = drive.map(|(speed, most)| (speed, most.or(effort))).or(brake);
         let damper = || SpringSpec { stiffness: 0.0, damping: joint.damping, rest: None };
-        let spring = given.spring.or_else(|| (joint.damping > 0.0).then(damper));
+        let spring = given.torsion_spring.or(given.spring).or_else(|| (joint.damping > 0.0).then(damper));
         let spec = JointSpec {
             bodies: bodies.map(|owner| self.body_name(owner)).collect(),
             point: Some(place.translation),

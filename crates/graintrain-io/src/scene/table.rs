@@ -149,7 +149,7 @@ impl<T: Spec> Field for Vec<T> {
 /// A row without a type is a key alone, which the function of a field reads: of the number of steps `end`. A
 /// row without what it holds, `source: PackingSource => Spec::read;`, is a field alone, read from the whole
 /// table by a `fn(&Reader) -> Result<TYPE, SceneError>`; after `, with the keys of TABLE` the table has those
-/// keys in this place as well.
+/// keys in this place as well, as they are behind `keys of TABLE;`.
 ///
 /// `location` at the end stands for a field with the place where the table is written, `location of KEY, KEY`
 /// for that of the first of these keys that is given.
@@ -264,6 +264,10 @@ macro_rules! table {
             [$($values)* $field (keys $read)]
             $($rows)*
         }
+    };
+    // Keys that another table has as well.
+    (@rows $head:tt $fields:tt [$($keys:tt)*] $values:tt keys of $table:expr; $($rows:tt)*) => {
+        table! { @rows $head $fields [$($keys)* $table.keys,] $values $($rows)* }
     };
     (@rows $head:tt [$($fields:tt)*] $keys:tt [$($values:tt)*] $location:ident $(of $($place:ident),+)?) => {
         table! {
