@@ -13,6 +13,7 @@ pub use load::{CentralSpec, DragSpec, LoadSpec, PressureSpec};
 pub use material::{MaterialSpec, PairRule, PairSpec};
 pub(crate) use motion::MOTIONS;
 pub use motion::{MotionSpec, SpinSpec, TranslationSpec};
+pub(super) use packing::SIZES;
 pub use packing::{
     DropSpec, FileSpec, GrainSpec, LatticeSpec, PackingFormat, PackingSource, PackingSpec, PoissonSpec,
     RadiusDistribution, RadiusSpec,

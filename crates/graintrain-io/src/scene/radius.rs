@@ -3,7 +3,7 @@
 use super::error::SceneError;
 use super::model::{RadiusDistribution, RadiusSpec};
 use super::reader::Reader;
-use super::table::table;
+use super::table::{Field, table};
 use super::tree::{Node, Value};
 
 table! {
@@ -94,26 +94,23 @@ const BY: &[(&str, bool)] = &[("number", false), ("mass", true)];
 /// Largest exponent of Rosin and Rammler: all sizes are equal to a percent.
 const MOST_SPREAD: f64 = 100.0;
 
-/// The `radius` of a packing or stream, if given.
-pub(super) fn radius(packing: &Reader) -> Result<Option<RadiusSpec>, SceneError> {
-    match packing.get("radius") {
-        None => return Ok(None),
-        Some(Node { value: Value::Table(_), .. }) => {}
-        Some(_) => {
-            return packing.quantity("radius").map(|radius| radius.map(RadiusSpec::Single));
+impl Field for RadiusSpec {
+    fn given(packing: &Reader, key: &str) -> Result<Option<Self>, SceneError> {
+        if !matches!(packing.get(key), Some(Node { value: Value::Table(_), .. })) {
+            return packing.quantity(key).map(|radius| radius.map(Self::Single));
         }
+        let reader = packing.required_child(key)?;
+        let (form, inner) = reader.form()?;
+        let by_mass = reader.choice("by", BY)?;
+        let distribution = distribution(form, &inner)?;
+        Ok(Some(Self::Distribution(match (form, by_mass) {
+            ("rosin_rammler" | "sieves", Some(false)) => {
+                return Err(reader.out_of_range("by", &format!("\"mass\" of `{form}`"), "number"));
+            }
+            ("rosin_rammler" | "sieves", _) | (_, None | Some(false)) => distribution,
+            _ => RadiusDistribution::ByMass(Box::new(distribution)),
+        })))
     }
-    let reader = packing.required_child("radius")?;
-    let (form, inner) = reader.form()?;
-    let by_mass = reader.choice("by", BY)?;
-    let distribution = distribution(form, &inner)?;
-    Ok(Some(RadiusSpec::Distribution(match (form, by_mass) {
-        ("rosin_rammler" | "sieves", Some(false)) => {
-            return Err(reader.out_of_range("by", &format!("\"mass\" of `{form}`"), "number"));
-        }
-        ("rosin_rammler" | "sieves", _) | (_, None | Some(false)) => distribution,
-        _ => RadiusDistribution::ByMass(Box::new(distribution)),
-    })))
 }
 
 fn distribution(form: &str, inner: &Reader) -> Result<RadiusDistribution, SceneError> {

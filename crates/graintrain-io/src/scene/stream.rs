@@ -2,12 +2,11 @@
 
 use super::error::{SceneError, SceneErrorKind};
 use super::measure::PlaneSpec;
-use super::model::{GrainSpec, PartSpec, SHAPE};
+use super::model::{GrainSpec, SIZES};
 use super::names;
-use super::radius::RADIUS;
 use super::reader::Reader;
 use super::region::REGION;
-use super::table::table;
+use super::table::{Spec, table};
 use graintrain::load::Region;
 
 table! {
@@ -20,25 +19,9 @@ table! {
         /// insertion is delayed
         region: Region = Table(&REGION), "required",
             "{ cylinder = { base = [0, 0, 1], radius = 0.1, height = 0.1 } }";
-        /// Radius of spheres: one value, or a distribution
-        radius = QuantityOr(D::LENGTH, &RADIUS), "one of radius, shape, parts", "\"5 mm\"", Positive;
-        /// Shape of the bodies
-        shape = Table(&SHAPE), "one of radius, shape, parts", "{ box = { size = [0.01, 0.01, 0.02] } }";
-        /// Several shapes in each body (clumps)
-        parts = Tables(PartSpec::TABLE),
-            "one of radius, shape, parts",
-            "[{ shape = { sphere = { radius = 1 } } }, { shape = { sphere = { radius = 1 } }, position = [1, 0, 0] }]";
-        /// Random orientations
-        random_rotation = Flag, "false", "true";
-        /// Material
-        material = Text, "the only material", "\"glass\"";
-        /// Initial velocity
-        velocity = Vector(D::SPEED), "[0, 0, 0]", "[0, 0, \"-1 m/s\"]";
-        /// Bodies keep their orientation
-        lock_rotation = Flag, "false", "true";
         /// The bodies.
         #[serde(flatten)]
-        grains: GrainSpec => GrainSpec::read;
+        grains: GrainSpec => Spec::read, with the keys of GrainSpec::TABLE;
         /// Bodies per second; delayed bodies enter later
         rate: Option<f64> = Quantity(D::RATE), "as many as fit", "\"200/s\"", Positive;
         /// Mass per second, instead of `rate`
@@ -92,6 +75,7 @@ fn seed(reader: &Reader, key: &str) -> Result<u64, SceneError> {
 }
 
 fn is_stream(spec: &StreamSpec, reader: &Reader) -> Result<(), SceneError> {
+    reader.any_of(SIZES)?;
     let endless = spec.count.is_none() && spec.mass.is_none() && spec.end.is_none();
     if endless && spec.rate.is_none() && spec.mass_rate.is_none() {
         let problem = format!(

@@ -205,7 +205,7 @@ macro_rules! table {
     (@one_of $first:ident $($other:ident)*) => {
         concat!("one of ", stringify!($first) $(, ", ", stringify!($other))*)
     };
-    (@table $heading:literal, [$($alternatives:tt)*], $($keys:expr,)+) => {{
+    (@table $heading:tt, [$($alternatives:tt)*], $($keys:expr,)+) => {{
         #[allow(unused_imports)]
         use $crate::scene::schema::{D, Kind::*, function::*};
         const KEYS: &[&[$crate::scene::schema::Key]] = &[$($keys),+];
@@ -240,7 +240,7 @@ macro_rules! table {
     // A row of a key alone.
     (@rows $head:tt $fields:tt [$($keys:tt)*] $values:tt
         $(#[doc = $about:literal])+
-        $key:ident = $kind:expr, $default:literal, $example:literal $(in $choices:path)? $(, $range:ident)?;
+        $key:ident = $kind:expr, $default:literal, $example:tt $(in $choices:path)? $(, $range:ident)?;
         $($rows:tt)*
     ) => {
         table! {
@@ -282,7 +282,7 @@ macro_rules! table {
         }
     };
     (
-        @rows { $(#[$attribute:meta])* $visibility:vis static $name:ident $heading:literal $alternatives:tt }
+        @rows { $(#[$attribute:meta])* $visibility:vis static $name:ident $heading:tt $alternatives:tt }
         [] [$($keys:tt)+] []
     ) => {
         $(#[$attribute])*
@@ -368,7 +368,7 @@ macro_rules! table {
     };
     (
         $(#[$attribute:meta])*
-        $visibility:vis $sort:ident $name:ident: $heading:literal
+        $visibility:vis $sort:ident $name:ident: $heading:tt
         $(, at most one of [$($alternative:literal),+])* $(, checked by $check:path)? { $($rows:tt)+ }
     ) => {
         table! {

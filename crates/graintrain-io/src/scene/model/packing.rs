@@ -2,7 +2,7 @@
 
 use super::super::error::{SceneError, SceneErrorKind};
 use super::super::names;
-use super::super::radius::{RADIUS, radius};
+use super::super::radius::RADIUS;
 use super::super::reader::Reader;
 use super::super::region::{BOX_REGION, CYLINDER_REGION, region};
 use super::super::table::{Choice, Spec, table};
@@ -66,79 +66,59 @@ table! {
     }
 }
 
-/// The bodies of a packing or a stream.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct GrainSpec {
-    /// Radius of the spheres; for a file, `None` is the file's.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub radius: Option<RadiusSpec>,
-    /// Shape, if not spheres.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub shape: Option<ShapeSpec>,
-    /// Several shapes in each body.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub parts: Vec<PartSpec>,
-    /// Whether bodies are turned at random.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
-    pub random_rotation: bool,
-    /// Name of their material.
-    pub material: String,
-    /// Initial velocity, m/s.
-    pub velocity: Vec3,
-    /// Whether they keep their orientation.
-    pub lock_rotation: bool,
-}
-
-impl GrainSpec {
-    /// Those of a packing or a stream, whose size the scene has to name.
-    pub(in crate::scene) fn read(reader: &Reader) -> Result<Self, SceneError> {
-        match reader.at_most_one_of(SIZES)? {
-            Some(_) => Self::of_any_size(reader),
-            None => Err(reader.missing("radius")),
-        }
-    }
-
-    /// The same where a file may have the sizes.
-    fn of_any_size(reader: &Reader) -> Result<Self, SceneError> {
-        let size = reader.at_most_one_of(SIZES)?;
-        let shape: Option<ShapeSpec> = reader.field("shape")?;
-        let parts: Vec<PartSpec> = reader.field("parts")?;
-        for (key, shape) in
-            shape.iter().map(|shape| ("shape", shape)).chain(parts.iter().map(|part| ("parts", &part.shape)))
-        {
-            // Meshes do not touch each other.
-            if matches!(shape, ShapeSpec::Plane { .. } | ShapeSpec::Mesh(_)) {
-                return Err(reader.out_of_range(key, "a shape with volume", "a plane or mesh"));
-            }
-        }
-        if size == Some("parts") && parts.is_empty() {
-            return Err(reader.out_of_range("parts", "at least one part", "none"));
-        }
-        Ok(Self {
-            radius: radius(reader)?,
-            shape,
-            parts,
-            random_rotation: reader.field("random_rotation")?,
-            material: names::material(reader, "material")?,
-            velocity: reader.field("velocity")?,
-            lock_rotation: reader.field("lock_rotation")?,
-        })
+table! {
+    /// The bodies of a packing or a stream, with the keys as a stream has them.
+    pub struct GrainSpec: "`[stream.NAME]`", checked by are_bodies {
+        /// Radius of spheres: one value, or a distribution
+        radius: Option<RadiusSpec> = QuantityOr(D::LENGTH, &RADIUS), "one of radius, shape, parts",
+            "\"5 mm\"", Positive;
+        /// Shape of the bodies
+        shape: Option<ShapeSpec> = Table(&SHAPE), "one of radius, shape, parts",
+            "{ box = { size = [0.01, 0.01, 0.02] } }";
+        /// Several shapes in each body (clumps)
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        parts: Vec<PartSpec> = Tables(PartSpec::TABLE),
+            "one of radius, shape, parts",
+            "[{ shape = { sphere = { radius = 1 } } }, { shape = { sphere = { radius = 1 } }, position = [1, 0, 0] }]";
+        /// Random orientations
+        #[serde(skip_serializing_if = "std::ops::Not::not")]
+        random_rotation: bool = Flag, "false", "true";
+        /// Material
+        material: String = Text, "the only material", "\"glass\"" => names::material;
+        /// Initial velocity
+        velocity: Vec3 = Vector(D::SPEED), "[0, 0, 0]", "[0, 0, \"-1 m/s\"]";
+        /// Bodies keep their orientation
+        lock_rotation: bool = Flag, "false", "true";
     }
 }
 
-/// What the size of bodies follows from.
-const SIZES: &[&str] = &["radius", "shape", "parts"];
+/// What the size of bodies follows from, where no file has it.
+pub(in crate::scene) const SIZES: &[&str] = &["radius", "shape", "parts"];
+
+fn are_bodies(GrainSpec { shape, parts, .. }: &GrainSpec, reader: &Reader) -> Result<(), SceneError> {
+    for (key, shape) in
+        shape.iter().map(|shape| ("shape", shape)).chain(parts.iter().map(|part| ("parts", &part.shape)))
+    {
+        // Meshes do not touch each other.
+        if matches!(shape, ShapeSpec::Plane { .. } | ShapeSpec::Mesh(_)) {
+            return Err(reader.out_of_range(key, "a shape with volume", "a plane or mesh"));
+        }
+    }
+    if reader.get("parts").is_some() && parts.is_empty() {
+        return Err(reader.out_of_range("parts", "at least one part", "none"));
+    }
+    Ok(())
+}
 
 /// The bodies of a packing: spheres where they come from a file.
 fn grains(reader: &Reader) -> Result<GrainSpec, SceneError> {
     if reader.get("file").is_none() {
-        return GrainSpec::read(reader);
-    }
-    if let Some(form) = reader.at_most_one_of(&["shape", "parts"])? {
+        reader.any_of(SIZES)?;
+    } else if let Some(form) = reader.at_most_one_of(&["shape", "parts"])? {
         let problem = format!("a packing from a file holds spheres: it takes no `{form}`");
         return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
     }
-    GrainSpec::of_any_size(reader)
+    GrainSpec::read(reader)
 }
 
 fn seed(reader: &Reader, key: &str) -> Result<u64, SceneError> {

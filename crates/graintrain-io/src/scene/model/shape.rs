@@ -2,7 +2,7 @@
 
 use super::super::error::{Location, SceneError};
 use super::super::reader::Reader;
-use super::super::schema::{D, Key, Kind, Range, Table, key};
+use super::super::schema::{D, Key, Kind, Range, Table};
 use super::super::table::{Field, Spec, table};
 use graintrain::math::Vec3;
 use graintrain::shape::{Lengths, Shape};
@@ -137,7 +137,13 @@ const SHAPE_KEYS: [Key; OTHERS.keys.len() + BY_LENGTHS.len()] = {
     while number < keys.len() {
         keys[number] = if number < BY_LENGTHS.len() {
             let form = BY_LENGTHS[number];
-            key(form.name, Kind::Table(&LENGTHS_TABLES[number]), "one of", form.example, form.meaning)
+            Key {
+                name: form.name,
+                kind: Kind::Table(&LENGTHS_TABLES[number]),
+                example: form.example,
+                about: form.meaning,
+                ..OTHERS.keys[0]
+            }
         } else {
             OTHERS.keys[number - BY_LENGTHS.len()]
         };
@@ -161,9 +167,15 @@ const LENGTH_KEYS: [[Key; MOST]; BY_LENGTHS.len()] = {
             let length = &BY_LENGTHS[form].lengths[number];
             let (default, range) =
                 if length.is_required { ("required", Range::Positive) } else { ("0", Range::NotNegative) };
-            all[form][number] =
-                key(length.name, Kind::Quantity(D::LENGTH), default, length.example, length.meaning)
-                    .within(range);
+            all[form][number] = Key {
+                name: length.name,
+                kind: Kind::Quantity(D::LENGTH),
+                range,
+                default,
+                example: length.example,
+                about: length.meaning,
+                ..OTHERS.keys[0]
+            };
             number += 1;
         }
         form += 1;

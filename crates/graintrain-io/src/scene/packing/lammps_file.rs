@@ -56,12 +56,8 @@ pub(super) fn read(bytes: &[u8], frame: Option<u64>) -> Result<FileContent, File
             ));
         }
     }
-    found.ok_or_else(|| match frame {
-        Some(frame) => {
-            FileProblem::new(format!("it has no frame {frame}: it holds {frames}, counted from 0"))
-        }
-        None => FileProblem::new("it holds no line `ITEM: ATOMS`: it is no dump of LAMMPS or LIGGGHTS"),
-    })
+    let without = "it holds no line `ITEM: ATOMS`: it is no dump of LAMMPS or LIGGGHTS";
+    found.ok_or_else(|| FileProblem::no_frame(frame, frames, without))
 }
 
 /// The atoms of a frame; only looked through where they are not wanted.

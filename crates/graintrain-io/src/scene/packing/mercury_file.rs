@@ -46,12 +46,7 @@ fn data(text: &str, frame: Option<u64>) -> Result<FileContent, FileProblem> {
         }
         frames += 1;
     }
-    found.ok_or_else(|| match frame {
-        Some(frame) => {
-            FileProblem::new(format!("it has no frame {frame}: it holds {frames}, counted from 0"))
-        }
-        None => FileProblem::new("it is empty"),
-    })
+    found.ok_or_else(|| FileProblem::no_frame(frame, frames, "it is empty"))
 }
 
 fn restart(text: &str) -> Result<FileContent, FileProblem> {

@@ -63,6 +63,14 @@ impl FileProblem {
         Self { line: Some(line), problem: problem.into() }
     }
 
+    /// Of a file without the frame asked for, or without any.
+    pub fn no_frame(frame: Option<u64>, frames: u64, without: &str) -> Self {
+        Self::new(match frame {
+            Some(frame) => format!("it has no frame {frame}: it holds {frames}, counted from 0"),
+            None => without.into(),
+        })
+    }
+
     /// The error with the file's name and the place in the scene that names it.
     pub fn located(self, path: &Path, location: &super::error::Location) -> SceneError {
         let kind = SceneErrorKind::MalformedFile {

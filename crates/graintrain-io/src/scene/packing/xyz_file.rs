@@ -57,12 +57,7 @@ pub(super) fn read(bytes: &[u8], frame: Option<u64>) -> Result<FileContent, File
         }
         frames += 1;
     }
-    found.ok_or_else(|| match frame {
-        Some(frame) => {
-            FileProblem::new(format!("it has no frame {frame}: it holds {frames}, counted from 0"))
-        }
-        None => FileProblem::new("it is empty"),
-    })
+    found.ok_or_else(|| FileProblem::no_frame(frame, frames, "it is empty"))
 }
 
 /// Most columns of a property; more are a slip.

@@ -1,71 +1,45 @@
 //! Keys of functions of time.
 
 use super::super::model::FunctionFile;
-use super::super::table::Spec;
-use super::Kind::{self, List, Quantity};
-use super::{D, Key, Range, Table, key};
+use super::super::table::{Spec, table};
 
 /// The tables of a function of time whose values have one dimension.
 macro_rules! function_of_time {
     ($name:ident, $sinusoid:ident, $samples:ident, $of:literal, $dimension:expr, $value:literal) => {
-        pub(in super::super) static $name: Table = Table {
-            heading: concat!("Function of time: ", $of),
-            alternatives: &[&["sinusoidal", "table", "file"]],
-            keys: &[
-                key(
-                    "sinusoidal",
-                    Kind::Table(&$sinusoid),
-                    "one of",
-                    concat!("{ amplitude = ", $value, ", period = \"4 s\" }"),
-                    "amplitude sin(2 pi t / period + phase)",
-                ),
-                key(
-                    "table",
-                    Kind::Table(&$samples),
-                    "one of",
-                    concat!("{ times = [0, 1], values = [0, ", $value, "] }"),
-                    "Linear between samples, constant outside",
-                ),
-                key(
-                    "file",
-                    Kind::Table(FunctionFile::TABLE),
-                    "one of",
-                    "{ path = \"record.csv\", value = \"value\" }",
-                    "A table from a file",
-                ),
-            ],
-        };
+        table! {
+            pub(in super::super) static $name: (concat!("Function of time: ", $of)),
+                at most one of ["sinusoidal", "table", "file"] {
+                /// amplitude sin(2 pi t / period + phase)
+                sinusoidal = Table(&$sinusoid), "one of",
+                    (concat!("{ amplitude = ", $value, ", period = \"4 s\" }"));
+                /// Linear between samples, constant outside
+                table = Table(&$samples), "one of", (concat!("{ times = [0, 1], values = [0, ", $value, "] }"));
+                /// A table from a file
+                file = Table(FunctionFile::TABLE), "one of", "{ path = \"record.csv\", value = \"value\" }";
+            }
+        }
 
-        static $sinusoid: Table = Table {
-            heading: concat!("`sinusoidal` ", $of),
-            alternatives: &[],
-            keys: &[
-                key("amplitude", Quantity($dimension), "required", $value, "Largest value"),
-                PERIOD,
-                PHASE,
-            ],
-        };
+        table! {
+            static $sinusoid: (concat!("`sinusoidal` ", $of)) {
+                /// Largest value
+                amplitude = Quantity($dimension), "required", $value;
+                /// Period
+                period = Quantity(D::TIME), "required", "\"4 s\"", Positive;
+                /// Phase
+                phase = Quantity(D::ANGLE), "0", "\"90 deg\"";
+            }
+        }
 
-        static $samples: Table = Table {
-            heading: concat!("`table` ", $of),
-            alternatives: &[],
-            keys: &[
-                TIMES,
-                key(
-                    "values",
-                    List($dimension),
-                    "required",
-                    concat!("[0, ", $value, ", 0]"),
-                    "Value at each time",
-                ),
-            ],
-        };
+        table! {
+            static $samples: (concat!("`table` ", $of)) {
+                /// Ascending times
+                times = List(D::TIME), "required", "[0, \"0.5 s\", \"1 s\"]";
+                /// Value at each time
+                values = List($dimension), "required", (concat!("[0, ", $value, ", 0]"));
+            }
+        }
     };
 }
-
-const PERIOD: Key = key("period", Quantity(D::TIME), "required", "\"4 s\"", "Period").within(Range::Positive);
-const PHASE: Key = key("phase", Quantity(D::ANGLE), "0", "\"90 deg\"", "Phase");
-const TIMES: Key = key("times", List(D::TIME), "required", "[0, \"0.5 s\", \"1 s\"]", "Ascending times");
 
 function_of_time!(SPEED, SPEED_SINUSOID, SPEED_TABLE, "speed", D::SPEED, "\"1 m/s\"");
 function_of_time!(

@@ -148,13 +148,6 @@ pub struct Key {
     pub about: &'static str,
 }
 
-impl Key {
-    /// The same key whose numbers lie in this range.
-    pub(super) const fn within(self, range: Range) -> Self {
-        Self { range, ..self }
-    }
-}
-
 /// The first of each pair: the names among which [`Reader::choice`](super::reader::Reader::choice) chooses a
 /// value.
 pub(super) fn names<T>(choices: &[(&'static str, T)]) -> Vec<&'static str> {
@@ -254,16 +247,6 @@ pub(crate) fn alternatives(path: &str, key: &str) -> Vec<&'static str> {
     }
     let groups = table.alternatives.iter().filter(|group| group.contains(&key));
     groups.flat_map(|group| group.iter().copied()).filter(|other| *other != key).collect()
-}
-
-pub(super) const fn key(
-    name: &'static str,
-    kind: Kind,
-    default: &'static str,
-    example: &'static str,
-    about: &'static str,
-) -> Key {
-    Key { name, kind, range: Range::Any, choices: Vec::new, default, example, about }
 }
 
 pub(super) type D = Dimension;
