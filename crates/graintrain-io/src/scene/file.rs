@@ -43,7 +43,7 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         let is_known = |(new, _): &&(String, BodySpec)| bodies.iter().any(|(name, _)| name == new);
         if let Some((twice, _)) = robot.bodies.iter().find(is_known) {
             let problem = format!("there are two bodies `{twice}`: call the robot or the body otherwise");
-            return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+            return Err(reader.refuse(problem));
         }
         bodies.extend(robot.bodies);
         joints.extend(robot.joints);
@@ -56,7 +56,7 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
     for (name, reader) in scene.named("joint")? {
         if joints.iter().any(|(known, _)| *known == name) {
             let problem = format!("there are two joints `{name}`, one of a robot: call this one otherwise");
-            return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+            return Err(reader.refuse(problem));
         }
         let spec = joint::read(&reader, &joints)?;
         joints.push((name, spec));
@@ -116,8 +116,7 @@ fn pairs(scene: &Reader) -> Result<Vec<PairSpec>, SceneError> {
         let [first, second] = &pair.materials;
         let swapped = [second.clone(), first.clone()];
         if pairs.iter().any(|known| known.materials == pair.materials || known.materials == swapped) {
-            let problem = format!("the pair {first} and {second} is given twice");
-            return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+            return Err(reader.refuse(format!("the pair {first} and {second} is given twice")));
         }
         pairs.push(pair);
     }

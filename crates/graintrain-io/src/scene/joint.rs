@@ -1,6 +1,6 @@
 //! Joints as scenes write them.
 
-use super::error::{Location, SceneError, SceneErrorKind};
+use super::error::{Location, SceneError};
 use super::model::FunctionSpec;
 use super::names;
 use super::reader::Reader;
@@ -289,17 +289,13 @@ pub(super) fn read(reader: &Reader, known: &[(String, JointSpec)]) -> Result<Joi
 /// Refuses a joint without the keys of its kind, or with those of others.
 fn check(spec: &JointSpec, reader: &Reader) -> Result<(), SceneError> {
     let form = spec.kind;
-    let refuse =
-        |problem: String| Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
     if let Some(key) = form.needs.iter().find(|key| reader.get(key).is_none()) {
         return Err(reader.missing(key));
     }
     if let Some(key) = FORM_KEYS.iter().find(|key| reader.get(key).is_some() && !form.may_have(key)) {
-        return refuse(format!(
-            "`{}` has no meaning for a joint that is {}: remove it",
-            reader.full(key),
-            form.name
-        ));
+        let key = reader.full(key);
+        let problem = format!("`{key}` has no meaning for a joint that is {}: remove it", form.name);
+        return Err(reader.refuse(problem));
     }
     let coordinate = spec.along.or(form.coordinates.first().copied());
     for (keys, own, what, other) in
@@ -312,7 +308,8 @@ fn check(spec: &JointSpec, reader: &Reader) -> Result<(), SceneError> {
                 None => "it has neither that these could act on".to_string(),
             };
             let key = reader.full(keys[place]);
-            return refuse(format!("`{key}` acts on {what}, but this joint is {}: {remedy}", form.name));
+            let problem = format!("`{key}` acts on {what}, but this joint is {}: {remedy}", form.name);
+            return Err(reader.refuse(problem));
         }
     }
     Ok(())

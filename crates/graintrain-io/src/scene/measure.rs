@@ -284,19 +284,17 @@ pub(super) fn read(reader: &Reader) -> Result<MeasureSpec, SceneError> {
         return Err(one_of(QUANTITIES, "none".into()));
     }
     if QUANTITIES[..ALONE].contains(&found[0]) && found.len() > 1 {
-        let problem = format!(
+        return Err(reader.refuse(format!(
             "`{}` has records of bins, so that it cannot share a table with `{}`: give it a measure of its own",
             found[0], found[1]
-        );
-        return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+        )));
     }
     let chooses =
         ["bodies", "packings", "streams", "region"].into_iter().find(|key| reader.get(key).is_some());
     if let (true, Some(key)) = (found.contains(&"exchange"), chooses) {
-        let problem = format!(
+        return Err(reader.refuse(format!(
             "`exchange` counts all that comes and goes, whatever `{key}` chooses: give it a measure of its own, without `{key}`"
-        );
-        return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+        )));
     }
     MeasureSpec::read(reader)
 }

@@ -21,7 +21,7 @@ pub use packing::{
 pub(super) use shape::SHAPE;
 pub use shape::{HullSpec, LengthsSpec, MeshSpec, ShapeSpec};
 
-use super::error::{SceneError, SceneErrorKind};
+use super::error::SceneError;
 use super::names;
 use super::reader::Reader;
 use super::table::{Choice, Field, table};
@@ -195,11 +195,10 @@ fn is_body(body: &BodySpec, reader: &Reader) -> Result<(), SceneError> {
         return Err(reader.missing("inertia"));
     }
     if is_boundary(parts) && inertia.is_none() && motion.free != [false; 6] {
-        let problem = format!(
+        return Err(reader.refuse(format!(
             "`{}` has no mass (planes, and meshes that are not `solid`, are boundaries): it cannot be free unless mass and inertia are given",
             reader.path
-        );
-        return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+        )));
     }
     Ok(())
 }

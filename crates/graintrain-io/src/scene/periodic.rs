@@ -1,6 +1,6 @@
 //! Periodic cells as a scene asks for them.
 
-use super::error::{SceneError, SceneErrorKind};
+use super::error::SceneError;
 use super::model::FunctionSpec;
 use super::names;
 use super::reader::Reader;
@@ -19,7 +19,8 @@ table! {
         axes: Vec<String> = Texts, "[\"x\", \"y\", \"z\"]", "[\"x\", \"y\"]" in DIRECTIONS => axes;
         /// What drives it.
         #[serde(flatten)]
-        drive: DriveSpec => Spec::read, with the keys of DriveSpec::TABLE;
+        drive: DriveSpec => Spec::read;
+        keys of DriveSpec::TABLE;
         location
     }
 }
@@ -118,16 +119,13 @@ fn stress(reader: &Reader, key: &str) -> Result<Vec<(String, FunctionSpec)>, Sce
 }
 
 fn is_drive(DriveSpec { rate, stress, fastest }: &DriveSpec, reader: &Reader) -> Result<(), SceneError> {
-    let refuse =
-        |problem: String| Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
     if let Some((name, _)) = stress.iter().find(|(name, _)| rate.iter().any(|(other, _)| other == name)) {
-        return refuse(format!(
-            "the component {name} of the cell has a rate and a stress: impose one of them"
-        ));
+        let problem = format!("the component {name} of the cell has a rate and a stress: impose one of them");
+        return Err(reader.refuse(problem));
     }
     if fastest.is_some() && stress.is_empty() {
         let problem = "`fastest` limits what a stress does to the cell, but none is imposed: add `stress` or `pressure`, or leave it out";
-        return refuse(problem.to_string());
+        return Err(reader.refuse(problem));
     }
     Ok(())
 }

@@ -199,6 +199,11 @@ impl<'a> Reader<'a> {
         )
     }
 
+    /// The error for keys that contradict each other, or what other tables say.
+    pub fn refuse(&self, problem: impl Into<String>) -> SceneError {
+        SceneError::at(SceneErrorKind::Contradiction(problem.into()), self.location())
+    }
+
     /// At least one of the keys; the first one where there is none.
     pub fn any_of(&self, keys: &[&str]) -> Result<(), SceneError> {
         if keys.iter().any(|key| self.get(key).is_some()) { Ok(()) } else { Err(self.missing(keys[0])) }

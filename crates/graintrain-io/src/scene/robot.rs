@@ -7,7 +7,7 @@
 
 mod urdf;
 
-use super::error::{SceneError, SceneErrorKind};
+use super::error::SceneError;
 use super::joint::{ANGLES, ActuatorSpec, JointSpec, MotorSpec, SpringSpec, StopsSpec, TORSION_SPRING};
 use super::model::{
     BodySpec, FunctionSpec, HullSpec, MeshSpec, MotionSpec, PartSpec, ROTATION, RotationSpec, ShapeSpec,
@@ -173,7 +173,7 @@ fn given(reader: &Reader, robot: &Robot) -> Result<Vec<RobotJoint>, SceneError> 
         if let Some(key) = useless.into_iter().find(|key| own.get(key).is_some()) {
             let how = if turns { "turns" } else { "slides" };
             let problem = format!("`{}` has no meaning for a joint that {how}: remove it", own.full(key));
-            return Err(SceneError::at(SceneErrorKind::Contradiction(problem), own.location()));
+            return Err(own.refuse(problem));
         }
         let spec = RobotJoint::read(own)?;
         let (lower, upper) = range(spec.stops(joint));

@@ -125,8 +125,7 @@ pub(super) fn read(scene: &Reader) -> Result<Vec<StageSpec>, SceneError> {
     for (number, reader) in tables.iter().enumerate() {
         let stage = StageSpec::read(reader)?;
         if stages.iter().any(|known| known.name == stage.name) {
-            let problem = format!("there are two stages named `{}`", stage.name);
-            return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+            return Err(reader.refuse(format!("there are two stages named `{}`", stage.name)));
         }
         let ends = stage.time.is_some()
             || stage.kinetic_energy.is_some()
@@ -137,15 +136,14 @@ pub(super) fn read(scene: &Reader) -> Result<Vec<StageSpec>, SceneError> {
         if stage.filled && scene.context.names.streams.is_empty() {
             let problem =
                 format!("the stage `{}` ends when streams have given all, but there are none", stage.name);
-            return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+            return Err(reader.refuse(problem));
         }
         if !ends && number < last {
-            let problem = format!(
+            return Err(reader.refuse(format!(
                 "nothing ends the stage `{}`, so that the next one never begins: give it `time`, `kinetic_energy`, `unbalanced_force`, \
                  `filled`, `steady` or `growth`",
                 stage.name
-            );
-            return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+            )));
         }
         stages.push(stage);
     }

@@ -1,6 +1,6 @@
 //! Streams and outlets as a scene asks for them.
 
-use super::error::{SceneError, SceneErrorKind};
+use super::error::SceneError;
 use super::measure::PlaneSpec;
 use super::model::{GrainSpec, SIZES};
 use super::names;
@@ -21,7 +21,8 @@ table! {
             "{ cylinder = { base = [0, 0, 1], radius = 0.1, height = 0.1 } }";
         /// The bodies.
         #[serde(flatten)]
-        grains: GrainSpec => Spec::read, with the keys of GrainSpec::TABLE;
+        grains: GrainSpec => Spec::read;
+        keys of GrainSpec::TABLE;
         /// Bodies per second; delayed bodies enter later
         rate: Option<f64> = Quantity(D::RATE), "as many as fit", "\"200/s\"", Positive;
         /// Mass per second, instead of `rate`
@@ -78,11 +79,10 @@ fn is_stream(spec: &StreamSpec, reader: &Reader) -> Result<(), SceneError> {
     reader.any_of(SIZES)?;
     let endless = spec.count.is_none() && spec.mass.is_none() && spec.end.is_none();
     if endless && spec.rate.is_none() && spec.mass_rate.is_none() {
-        let problem = format!(
+        return Err(reader.refuse(format!(
             "nothing ends `{}`, which has no rate either: give it `rate` or `mass_rate`, or `count`, `mass` or `end`",
             reader.path
-        );
-        return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+        )));
     }
     if let Some(count) = spec.count.filter(|count| *count > MOST_BODIES) {
         return Err(reader.out_of_range("count", &format!("at most {MOST_BODIES}"), count));

@@ -148,8 +148,8 @@ impl<T: Spec> Field for Vec<T> {
 ///
 /// A row without a type is a key alone, which the function of a field reads: of the number of steps `end`. A
 /// row without what it holds, `source: PackingSource => Spec::read;`, is a field alone, read from the whole
-/// table by a `fn(&Reader) -> Result<TYPE, SceneError>`; after `, with the keys of TABLE` the table has those
-/// keys in this place as well, as they are behind `keys of TABLE;`.
+/// table by a `fn(&Reader) -> Result<TYPE, SceneError>`. `keys of TABLE;` stands for the rows of another
+/// table.
 ///
 /// `location` at the end stands for a field with the place where the table is written, `location of KEY, KEY`
 /// for that of the first of these keys that is given.
@@ -251,16 +251,16 @@ macro_rules! table {
             $($rows)*
         }
     };
-    // A row of a field alone, perhaps with keys that another table has as well.
-    (@rows $head:tt [$($fields:tt)*] [$($keys:tt)*] [$($values:tt)*]
+    // A row of a field alone.
+    (@rows $head:tt [$($fields:tt)*] $keys:tt [$($values:tt)*]
         $(#[$attribute:meta])+
-        $field:ident: $type:ty => $read:path $(, with the keys of $table:expr)?;
+        $field:ident: $type:ty => $read:path;
         $($rows:tt)*
     ) => {
         table! {
             @rows $head
             [$($fields)* $(#[$attribute])+ pub $field: $type,]
-            [$($keys)* $($table.keys,)?]
+            $keys
             [$($values)* $field (keys $read)]
             $($rows)*
         }

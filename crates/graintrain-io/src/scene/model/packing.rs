@@ -1,6 +1,6 @@
 //! Packings.
 
-use super::super::error::{SceneError, SceneErrorKind};
+use super::super::error::SceneError;
 use super::super::names;
 use super::super::radius::RADIUS;
 use super::super::reader::Reader;
@@ -21,7 +21,8 @@ table! {
         at most one of ["radius", "shape", "parts"] {
         /// Where they come from.
         #[serde(flatten)]
-        source: PackingSource => Spec::read, with the keys of PackingSource::TABLE;
+        source: PackingSource => Spec::read;
+        keys of PackingSource::TABLE;
         /// Radius of the spheres: one value, or a distribution
         radius = QuantityOr(D::LENGTH, &RADIUS), "one of radius, shape, parts; the file's",
             "\"5 mm\"", Positive;
@@ -115,8 +116,7 @@ fn grains(reader: &Reader) -> Result<GrainSpec, SceneError> {
     if reader.get("file").is_none() {
         reader.any_of(SIZES)?;
     } else if let Some(form) = reader.at_most_one_of(&["shape", "parts"])? {
-        let problem = format!("a packing from a file holds spheres: it takes no `{form}`");
-        return Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()));
+        return Err(reader.refuse(format!("a packing from a file holds spheres: it takes no `{form}`")));
     }
     GrainSpec::read(reader)
 }
@@ -142,11 +142,12 @@ table! {
 table! {
     /// Random places.
     pub struct DropSpec: "`packing.NAME.drop`", at most one of ["box", "cylinder"] {
-        /// Number of bodies
-        count: usize = Count, "required", "500", Positive;
         /// Region.
         #[serde(flatten)]
-        region: Region => region, with the keys of OWN_REGION;
+        region: Region => region;
+        /// Number of bodies
+        count: usize = Count, "required", "500", Positive;
+        keys of OWN_REGION;
     }
 }
 
@@ -157,7 +158,8 @@ table! {
         distance: f64 = Quantity(D::LENGTH), "required", "\"12 mm\"", Positive;
         /// Region.
         #[serde(flatten)]
-        region: Region => region, with the keys of OWN_REGION;
+        region: Region => region;
+        keys of OWN_REGION;
     }
 }
 
@@ -303,7 +305,6 @@ fn has_frames(file: &FileSpec, reader: &Reader) -> Result<(), SceneError> {
     if file.frame.is_none() || several {
         return Ok(());
     }
-    let problem =
-        format!("`{}.frame` is for files with several frames: lammps, xyz and mercury", reader.path);
-    Err(SceneError::at(SceneErrorKind::Contradiction(problem), reader.location()))
+    Err(reader
+        .refuse(format!("`{}.frame` is for files with several frames: lammps, xyz and mercury", reader.path)))
 }
