@@ -72,6 +72,7 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
     context.names.stages = stages.iter().map(|stage: &StageSpec| stage.name.clone()).collect();
     let scene = Reader::of_scene(&context, root)?;
     let streams: Vec<(String, StreamSpec)> = scene.field("stream")?;
+    let outlets = scene.field("outlet")?;
     let measures = scene
         .named("measure")?
         .into_iter()
@@ -101,7 +102,7 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         bodies,
         packings,
         streams,
-        outlets: scene.field("outlet")?,
+        outlets,
         loads,
         joints,
         stages,
