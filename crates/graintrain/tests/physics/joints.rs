@@ -5,13 +5,13 @@ use graintrain::handle::{BodyId, JointId, MaterialId};
 use graintrain::joint::{Joint, Motor, Spring};
 use graintrain::load::{Action, Load};
 use graintrain::material::Materials;
-use graintrain::math::{Mat3, Vec3};
+use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::motion::Axes;
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
 use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::{Body, MassProperties, World};
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 pub(crate) const GRAVITY: f64 = 9.81;
 pub(crate) const BOTH: [FrictionModel; 2] = [FrictionModel::Relaxed, FrictionModel::Coulomb];
@@ -746,5 +746,68 @@ fn a_motor_with_a_limit_that_meets_its_stop_has_converged() {
             let held = if turns { 0.0 } else { 2.0 * GRAVITY };
             assert!((state.drive - held).abs() < 1e-6, "{state:?}");
         }
+    }
+}
+
+/// Two light rods, joined by a ball, fall and fold over a fixed bar: joints are closed without pressing what
+/// they hold into what it touches.
+#[test]
+fn joined_rods_that_fold_over_a_bar_do_not_sink_into_it() {
+    for friction in BOTH {
+        let mut world = earth();
+        let rod = world.add_geometry(Geometry::capsule(0.29, 0.01).unwrap());
+        let across = Quat::from_rotation_y(0.5 * PI);
+        let [left, right] = [-0.3, 0.3].map(|x| {
+            let body = Body::new(rod, MaterialId::default(), Vec3::new(x, 0.0, 0.3));
+            world.add_body(Body { orientation: across, ..body }).unwrap()
+        });
+        let bar = world.add_geometry(Geometry::cylinder(0.2, 0.05).unwrap());
+        let fixed = world.add_motion(Motion::fixed()).unwrap();
+        let bar = Body::new(bar, MaterialId::default(), Vec3::new(0.05, 0.0, 0.15));
+        let orientation = Quat::from_rotation_x(0.5 * PI);
+        world.add_body(Body { orientation, motion: fixed, ..bar }).unwrap();
+        world.add_joint(Joint::spherical(Some(left), right, Vec3::new(0.0, 0.0, 0.3))).unwrap();
+        let mut stepper = stepper(5e-3, friction);
+        for _ in 0..120 {
+            let overlap = stepper.step(&mut world).unwrap().penetration_max_over_size;
+            assert!(overlap < 0.01, "{friction:?}: {overlap}");
+        }
+    }
+}
+
+/// A short pendulum in steps of a quarter of a radian at its lowest point, for a minute: what the stiffness
+/// of unresolved swings keeps or takes, it does not give.
+#[test]
+fn a_pendulum_in_long_steps_gains_no_energy() {
+    let (mass, length) = (0.1, 0.1);
+    let mut world = earth();
+    let link = rod(&mut world, [Vec3::ZERO, Vec3::new(length, 0.0, 0.0)], mass);
+    world.add_joint(Joint::revolute(None, link, Vec3::ZERO, Vec3::Y)).unwrap();
+    let mut stepper = stepper(2e-2, FrictionModel::Coulomb);
+    let all = 0.5 * mass * GRAVITY * length;
+    for _ in 0..3000 {
+        let kinetic = stepper.step(&mut world).unwrap().kinetic_energy;
+        assert!(kinetic < 1.05 * all, "{kinetic} of {all}");
+    }
+}
+
+/// Four links whose motors drive them into stops and are too weak to hold them: motors, stops and paths agree
+/// in every step.
+#[test]
+fn motors_and_stops_of_a_chain_agree() {
+    let mut world = earth();
+    let mut last = None;
+    for k in 0..4 {
+        let ends = [0, 1].map(|end| Vec3::new(0.3 * f64::from(k + end), 0.0, 0.0));
+        let link = rod(&mut world, ends, 1.0);
+        let motor = Motor::Speed { speed: Profile::Constant(1.0), limit: Some(Profile::Constant(15.0)) };
+        let hinge = Joint::revolute(last, link, ends[0], Vec3::Y);
+        world.add_joint(hinge.with_motor(motor).with_limits(Some(-0.3), Some(0.3))).unwrap();
+        last = Some(link);
+    }
+    let mut stepper = stepper(1e-2, FrictionModel::Coulomb);
+    for step in 0..300 {
+        let report = stepper.step(&mut world).unwrap();
+        assert_eq!(report.solve.status, Status::Converged, "step {step}: {:?}", report.solve.remark);
     }
 }
