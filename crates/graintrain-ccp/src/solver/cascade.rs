@@ -186,7 +186,8 @@ pub struct Cascade {
     pub finish: FinishParameters,
 }
 
-/// The runners of a race, gradients, sweeps with a momentum and sweeps without, and the path.
+/// The runners of a race, gradients, sweeps with a momentum and sweeps without, and the path. Over-relaxed by
+/// 1.3, sweeps without momentum need 0.7 of the iterations among grains that roll.
 fn exact_members() -> [Box<dyn CcpSolver>; 4] {
     [
         Box::new(FirstOrder::new(Apgd::default())),
