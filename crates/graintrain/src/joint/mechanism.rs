@@ -535,6 +535,11 @@ impl<'a> Mechanisms<'a> {
         }
     }
 
+    /// The bodies that joints hold.
+    pub(crate) fn bodies(&self) -> impl Iterator<Item = u32> {
+        self.mechanisms.iter().flat_map(|mechanism| mechanism.bodies.iter().copied())
+    }
+
     /// Velocities of all bodies without contacts, with joints that nothing else pulls at, six per body.
     pub(crate) fn unmet(&self) -> Vec<f64> {
         let mut velocity = self.free.clone();

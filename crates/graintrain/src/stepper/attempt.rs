@@ -173,7 +173,7 @@ impl Stepper {
         elasticity::apply_pulls(&rows, &pulls, &masses, &mut free);
         let mut mechanisms = Mechanisms::new(world, &masses, &impacts.velocity, free, step);
         mechanisms.predict(&[]);
-        let moved = self.parted(world, rounds, &impacts, (&rows, &mechanisms.unmet()));
+        let moved = self.parted(world, rounds, &impacts, (&rows, &mechanisms));
         let contacts = moved.as_deref().unwrap_or(contacts);
         let how = (step, self.settings.overlap);
         let mut posing = Posing::new(world, how, contacts, (rows, masses), mechanisms);
@@ -222,29 +222,33 @@ impl Stepper {
         })
     }
 
-    /// The contacts of a step after its impacts, with the planes of what passes, as it moves where no contact
-    /// holds it (`free`, six numbers per body), moved out of its way: also those of where bodies came from
-    /// that part now, but for what was seen to be met. `None` where all are as they were. Balls that no
-    /// impact deflects were looked at before.
+    /// The contacts of a step after its impacts, with the planes of what passes, as it moves where joints
+    /// alone hold it, moved out of its way: also those of where bodies came from that part now, but for what
+    /// was seen to be met. `None` where all are as they were. Balls that no impact deflects were looked at
+    /// before.
     fn parted(
         &self,
         world: &World,
         rounds: &Rounds,
         impacts: &Impacts,
-        (rows, free): (&[RigidContact], &[f64]),
+        (rows, mechanisms): (&[RigidContact], &Mechanisms<'_>),
     ) -> Option<Vec<Contact>> {
         let is_ball = |body: u32| self.collider.is_ball(world, body as usize);
         let of_balls = |c: &Contact| is_ball(c.body_a) && is_ball(c.body_b);
         if impacts.count == 0 && rounds.contacts.iter().all(of_balls) {
             return None;
         }
-        // With the spin of now: its mean in the step, with which the problem is posed, is that of a body that
-        // turns on the way.
-        let mut velocity = free.to_vec();
+        // With the spin of now, unless joints turn it: its mean in the step, with which the problem is posed,
+        // is that of a body that turns on the way.
+        let free = mechanisms.unmet();
+        let mut velocity = free.clone();
         for (own, after) in velocity.chunks_exact_mut(6).zip(impacts.velocity.chunks_exact(6)) {
             own[3..].copy_from_slice(&after[3..]);
         }
-        let posed = relative_velocities(world.cell(), &rounds.contacts, rows, free);
+        for spin in mechanisms.bodies().map(|body| 6 * body as usize + 3..6 * body as usize + 6) {
+            velocity[spin.clone()].copy_from_slice(&free[spin]);
+        }
+        let posed = relative_velocities(world.cell(), &rounds.contacts, rows, &free);
         let mut moved = self.flown_past(world, &rounds.contacts, (&velocity, &posed));
         for (now, before) in moved.iter_mut().zip(&rounds.contacts) {
             if rounds.kept.contains(&before.identity) {
