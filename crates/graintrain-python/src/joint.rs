@@ -5,13 +5,11 @@ use crate::error::OrRaise;
 use crate::model::profile;
 use crate::world::World;
 use graintrain::handle::{BodyId, JointId};
-use graintrain::joint::{Coordinate, Joint, JointKind, Limits, Motor, Spring};
+use graintrain::joint::{Coordinate, Joint, JointKind, Limits, Motor, Pair, Spring};
 use graintrain::math::Vec3;
 use pyo3::exceptions::{PyIndexError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-
-const KINDS: &str = "fixed, revolute, prismatic, cylindrical, spherical, distance, gear";
 
 fn needed<T>(kind: &str, what: &str, given: Option<T>) -> PyResult<T> {
     given.ok_or_else(|| PyTypeError::new_err(format!("a {kind} joint needs {what}")))
@@ -52,8 +50,6 @@ impl World {
         collide: bool,
         name: &str,
     ) -> PyResult<usize> {
-        let place = || vector("point", needed(kind, "a point", point)?);
-        let along = || vector("axis", needed(kind, "an axis", axis)?);
         let coordinate = match coordinate {
             "turn" => Coordinate::Turn,
             "slide" => Coordinate::Slide,
@@ -64,11 +60,6 @@ impl World {
             }
         };
         let joint_kind = match kind {
-            "fixed" => JointKind::Fixed { point: point.map_or(Ok(Vec3::ZERO), |p| vector("point", p))? },
-            "revolute" => JointKind::Revolute { point: place()?, axis: along()? },
-            "prismatic" => JointKind::Prismatic { point: place()?, axis: along()? },
-            "cylindrical" => JointKind::Cylindrical { point: place()?, axis: along()?, coordinate },
-            "spherical" => JointKind::Spherical { point: place()? },
             "distance" => {
                 let [from, to] = needed(kind, "two ends", ends)?;
                 JointKind::Distance { ends: [vector("ends[0]", &from)?, vector("ends[1]", &to)?] }
@@ -86,8 +77,20 @@ impl World {
                     ratio: needed(kind, "a ratio", ratio)?,
                 }
             }
-            unknown => {
-                return Err(PyValueError::new_err(format!("kind is {unknown:?}, expected one of {KINDS}")));
+            _ => {
+                let pairs = Pair::ALL.iter().copied();
+                let Some(pair) = pairs.clone().find(|pair| pair.name() == kind) else {
+                    let known: Vec<&str> = pairs.map(Pair::name).chain(["distance", "gear"]).collect();
+                    let known = known.join(", ");
+                    return Err(PyValueError::new_err(format!("kind is {kind:?}, expected one of {known}")));
+                };
+                let along =
+                    if pair.has_axis() { vector("axis", needed(kind, "an axis", axis)?)? } else { Vec3::Z };
+                let point = match point {
+                    None if pair == Pair::Fixed => Vec3::ZERO,
+                    point => vector("point", needed(kind, "a point", point)?)?,
+                };
+                JointKind::Pair { pair, point, axis: along, coordinate }
             }
         };
         let is_gear = matches!(joint_kind, JointKind::Gear { .. });

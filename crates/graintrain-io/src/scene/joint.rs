@@ -7,22 +7,22 @@ use super::reader::Reader;
 use super::table::{Choice, Field, Spec, table};
 use graintrain::handle::JointId;
 use graintrain::joint::Coordinate::{self, Slide, Turn};
-use graintrain::joint::JointKind;
+use graintrain::joint::{JointKind, Pair};
 use graintrain::math::Vec3;
 use serde::{Serialize, Serializer};
 
 table! {
     /// A joint.
     pub struct JointSpec: "`[joint.NAME]`", checked by check {
-        /// fixed, revolute, prismatic, cylindrical, spherical, distance or gear
-        kind: &'static JointForm = Text, "required", "\"revolute\"";
+        /// Kind:
+        kind: JointForm = Text, "required", "\"revolute\"";
         /// Bodies A and B by name; a single one is B, connected to the world
         #[serde(skip_serializing_if = "Vec::is_empty")]
         bodies: Vec<String> = Texts, "required unless a gear", "[\"arm\", \"bucket\"]" => names::bodies;
         /// Position of the joint in the world at time 0
         point: Option<Vec3> = Vector(D::LENGTH), "required unless a distance or gear", "[0, 0, \"5 cm\"]";
         /// Direction of its axis in the world at time 0; any length
-        axis: Option<Vec3> = Direction, "required of revolute, prismatic, cylindrical", "[0, 1, 0]";
+        axis: Option<Vec3> = Direction, "required of kinds that have one", "[0, 1, 0]";
         /// End points on A and on B, in the world at time 0
         ends: Option<[Vec3; 2]> = Rows, "required of a distance", "[[0, 0, 1], [0.5, 0, 1]]";
         /// The two joints coupled by a gear, defined above it
@@ -30,7 +30,7 @@ table! {
         joints: Vec<String> = Texts, "required of a gear", "[\"pinion\", \"wheel\"]";
         /// Velocity of the second joint over that of the first (rad/s or m/s), negative for opposite rotation
         ratio: Option<f64> = Quantity(D::NONE), "required of a gear", "-0.25";
-        /// For a cylindrical joint: turn (keys `motor`, `torsion_spring`, `angles`) or slide (keys
+        /// Where it has both: turn (keys `motor`, `torsion_spring`, `angles`) or slide (keys
         /// `actuator`, `spring`, `travel`)
         along: Option<Coordinate> = Text, "\"turn\"", "\"slide\"";
         /// Drives an angle: at a speed with a maximum torque, or with a torque
@@ -121,85 +121,78 @@ table! {
     }
 }
 
-/// What makes the joint of a scene, with the numbers of the joints that a gear names. `None` where it is
-/// incomplete.
-type Make = fn(&JointSpec, &dyn Fn(&str) -> JointId) -> Option<JointKind>;
-
 /// A kind of joint.
-#[derive(Debug)]
-pub struct JointForm {
-    /// Its name in scenes.
-    pub name: &'static str,
-    /// Keys of [`FORM_KEYS`] that it needs.
-    needs: &'static [&'static str],
-    /// What motors, springs and stops can act on, the default first.
-    coordinates: &'static [Coordinate],
-    pub(super) make: Make,
-}
-
-/// Every kind of joint.
-static FORMS: [JointForm; 7] = [
-    form("fixed", &["bodies", "point"], &[], |spec, _| Some(JointKind::Fixed { point: spec.point? })),
-    form("revolute", &["bodies", "point", "axis"], &[Turn], |spec, _| {
-        Some(JointKind::Revolute { point: spec.point?, axis: spec.axis? })
-    }),
-    form("prismatic", &["bodies", "point", "axis"], &[Slide], |spec, _| {
-        Some(JointKind::Prismatic { point: spec.point?, axis: spec.axis? })
-    }),
-    form("cylindrical", &["bodies", "point", "axis"], &[Turn, Slide], |spec, _| {
-        let coordinate = spec.along.unwrap_or_default();
-        Some(JointKind::Cylindrical { point: spec.point?, axis: spec.axis?, coordinate })
-    }),
-    form("spherical", &["bodies", "point"], &[], |spec, _| Some(JointKind::Spherical { point: spec.point? })),
-    form("distance", &["bodies", "ends"], &[Slide], |spec, _| Some(JointKind::Distance { ends: spec.ends? })),
-    form("gear", &["joints", "ratio"], &[], |spec, number| {
-        let [first, second] = spec.joints.as_slice() else { return None };
-        Some(JointKind::Gear { joints: [number(first), number(second)], ratio: spec.ratio? })
-    }),
-];
-
-const fn form(
-    name: &'static str,
-    needs: &'static [&'static str],
-    coordinates: &'static [Coordinate],
-    make: Make,
-) -> JointForm {
-    JointForm { name, needs, coordinates, make }
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum JointForm {
+    /// Of two places.
+    Pair(Pair),
+    /// A rod.
+    Distance,
+    /// Of two joints.
+    Gear,
 }
 
 /// Keys that some kinds of joints may not have.
 const FORM_KEYS: &[&str] = &["bodies", "point", "axis", "ends", "joints", "ratio", "along", "collide"];
 
 impl JointForm {
-    /// Whether a joint of this kind may have one of [`FORM_KEYS`].
-    fn may_have(&self, key: &str) -> bool {
-        match key {
-            "along" => self.coordinates.len() > 1,
-            "collide" => self.needs.contains(&"bodies"),
-            _ => self.needs.contains(&key),
+    /// Its name in scenes.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Pair(pair) => pair.name(),
+            Self::Distance => "distance",
+            Self::Gear => "gear",
         }
     }
-}
 
-impl PartialEq for JointForm {
-    fn eq(&self, other: &Self) -> bool {
-        self.name == other.name
+    /// Every kind, with its name.
+    fn named() -> Vec<(&'static str, Self)> {
+        let pairs = Pair::ALL.iter().map(|&pair| Self::Pair(pair));
+        pairs.chain([Self::Distance, Self::Gear]).map(|form| (form.name(), form)).collect()
+    }
+
+    /// Keys of [`FORM_KEYS`] that it needs.
+    fn needs(self) -> &'static [&'static str] {
+        match self {
+            Self::Pair(pair) if pair.has_axis() => &["bodies", "point", "axis"],
+            Self::Pair(_) => &["bodies", "point"],
+            Self::Distance => &["bodies", "ends"],
+            Self::Gear => &["joints", "ratio"],
+        }
+    }
+
+    /// What motors, springs and stops can act on, the default first.
+    fn coordinates(self) -> &'static [Coordinate] {
+        match self {
+            Self::Pair(pair) => pair.coordinates(),
+            Self::Distance => &[Slide],
+            Self::Gear => &[],
+        }
+    }
+
+    /// Whether a joint of this kind may have one of [`FORM_KEYS`].
+    fn may_have(self, key: &str) -> bool {
+        match key {
+            "along" => self.coordinates().len() > 1,
+            "collide" => self.needs().contains(&"bodies"),
+            _ => self.needs().contains(&key),
+        }
     }
 }
 
 impl Serialize for JointForm {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.serialize_str(self.name)
+        serializer.serialize_str(self.name())
     }
 }
 
-impl Field for &'static JointForm {
+impl Field for JointForm {
     fn choices() -> Vec<&'static str> {
-        FORMS.iter().map(|form| form.name).collect()
+        Self::named().into_iter().map(|(name, _)| name).collect()
     }
 
     fn given(reader: &Reader, key: &str) -> Result<Option<Self>, SceneError> {
-        reader.choice(key, &FORMS.each_ref().map(|form| (form.name, form)))
+        reader.choice(key, &Self::named())
     }
 }
 
@@ -220,10 +213,9 @@ impl Field for [Vec3; 2] {
 
 impl JointSpec {
     /// One of the kind of this name that holds nothing yet.
-    pub(super) fn new(kind: &str, location: Location) -> Self {
-        let named = FORMS.iter().find(|form| form.name == kind);
+    pub(super) fn new(kind: JointForm, location: Location) -> Self {
         Self {
-            kind: named.unwrap_or_else(|| unreachable!("there is no joint {kind}")),
+            kind,
             bodies: Vec::new(),
             point: None,
             axis: None,
@@ -242,6 +234,23 @@ impl JointSpec {
         }
     }
 
+    /// What it holds, with the numbers of the joints that a gear names; `None` where it is incomplete.
+    pub(super) fn holds(&self, number: impl Fn(&str) -> JointId) -> Option<JointKind> {
+        Some(match self.kind {
+            JointForm::Pair(pair) => JointKind::Pair {
+                pair,
+                point: self.point?,
+                axis: if pair.has_axis() { self.axis? } else { Vec3::Z },
+                coordinate: self.along.unwrap_or_default(),
+            },
+            JointForm::Distance => JointKind::Distance { ends: self.ends? },
+            JointForm::Gear => {
+                let [first, second] = self.joints.as_slice() else { return None };
+                JointKind::Gear { joints: [number(first), number(second)], ratio: self.ratio? }
+            }
+        })
+    }
+
     /// What it holds, for people.
     pub fn about(&self) -> String {
         let held = match (self.bodies.as_slice(), self.joints.as_slice()) {
@@ -256,7 +265,7 @@ impl JointSpec {
         ];
         let parts: Vec<&str> = parts.into_iter().filter(|(_, given)| *given).map(|(name, _)| name).collect();
         let with = if parts.is_empty() { String::new() } else { format!(", with {}", parts.join(", ")) };
-        format!("{} between {held}{with}", self.kind.name)
+        format!("{} between {held}{with}", self.kind.name())
     }
 
     /// Its functions of time.
@@ -289,15 +298,15 @@ pub(super) fn read(reader: &Reader, known: &[(String, JointSpec)]) -> Result<Joi
 /// Refuses a joint without the keys of its kind, or with those of others.
 fn check(spec: &JointSpec, reader: &Reader) -> Result<(), SceneError> {
     let form = spec.kind;
-    if let Some(key) = form.needs.iter().find(|key| reader.get(key).is_none()) {
+    if let Some(key) = form.needs().iter().find(|key| reader.get(key).is_none()) {
         return Err(reader.missing(key));
     }
     if let Some(key) = FORM_KEYS.iter().find(|key| reader.get(key).is_some() && !form.may_have(key)) {
         let key = reader.full(key);
-        let problem = format!("`{key}` has no meaning for a joint that is {}: remove it", form.name);
+        let problem = format!("`{key}` has no meaning for a joint that is {}: remove it", form.name());
         return Err(reader.refuse(problem));
     }
-    let coordinate = spec.along.or(form.coordinates.first().copied());
+    let coordinate = spec.along.or(form.coordinates().first().copied());
     for (keys, own, what, other) in
         [(OF_ANGLES, Turn, "an angle", OF_SLIDES), (OF_SLIDES, Slide, "a slide or distance", OF_ANGLES)]
     {
@@ -308,7 +317,7 @@ fn check(spec: &JointSpec, reader: &Reader) -> Result<(), SceneError> {
                 None => "it has neither that these could act on".to_string(),
             };
             let key = reader.full(keys[place]);
-            let problem = format!("`{key}` acts on {what}, but this joint is {}: {remedy}", form.name);
+            let problem = format!("`{key}` acts on {what}, but this joint is {}: {remedy}", form.name());
             return Err(reader.refuse(problem));
         }
     }

@@ -87,7 +87,7 @@ fn needed(table: &Table) -> Vec<Vec<&'static str>> {
 
 fn of_key(key: &Key) -> Value {
     let mut schema = of_kind(key);
-    let mut about = key.about.to_string();
+    let mut about = key.meaning();
     let unit = key.kind.unit();
     if !unit.is_empty() {
         about += &format!(". In {unit}, or a text with a unit");

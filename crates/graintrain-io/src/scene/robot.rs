@@ -8,7 +8,9 @@
 mod urdf;
 
 use super::error::SceneError;
-use super::joint::{ANGLES, ActuatorSpec, JointSpec, MotorSpec, SpringSpec, StopsSpec, TORSION_SPRING};
+use super::joint::{
+    ANGLES, ActuatorSpec, JointForm, JointSpec, MotorSpec, SpringSpec, StopsSpec, TORSION_SPRING,
+};
 use super::model::{
     BodySpec, FunctionSpec, HullSpec, MeshSpec, MotionSpec, PartSpec, ROTATION, RotationSpec, ShapeSpec,
 };
@@ -16,11 +18,12 @@ use super::names;
 use super::packing::{FileProblem, read_file};
 use super::reader::Reader;
 use super::table::{Spec, table};
+use graintrain::joint::Pair;
 use graintrain::math::{Mat3, Pose, Quat, Vec3, parallel_axis};
 use graintrain::world::MassProperties;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use urdf::{Form, Inertial, Joint, JointKind, Robot};
+use urdf::{Form, Inertial, Joint, Robot};
 
 table! {
     pub(super) static ROBOT: "`[robot.NAME]`" {
@@ -159,8 +162,7 @@ fn root_pose(reader: &Reader) -> Result<Pose, SceneError> {
 /// What the scene says of each joint of the file.
 fn given(reader: &Reader, robot: &Robot) -> Result<Vec<RobotJoint>, SceneError> {
     let named = reader.named("joint")?;
-    let moves = |joint: &&Joint| matches!(joint.kind, JointKind::Turns | JointKind::Slides);
-    let known = robot.joints.iter().filter(moves).map(|joint| joint.name.as_str());
+    let known = robot.joints.iter().filter(|joint| joint.moves()).map(|joint| joint.name.as_str());
     if let Some((name, _)) = named.iter().find(|(name, _)| !known.clone().any(|joint| joint == name)) {
         return Err(reader.unknown_name("joint", "joint of the file", name, known));
     }
@@ -168,7 +170,7 @@ fn given(reader: &Reader, robot: &Robot) -> Result<Vec<RobotJoint>, SceneError> 
         let Some((_, own)) = named.iter().find(|(name, _)| *name == joint.name) else {
             return Ok(RobotJoint::default());
         };
-        let turns = joint.kind == JointKind::Turns;
+        let turns = joint.pair == Some(Pair::Revolute);
         let (own_keys, useless) = if turns { (TURNING, SLIDING) } else { (SLIDING, TURNING) };
         if let Some(key) = useless.into_iter().find(|key| own.get(key).is_some()) {
             let how = if turns { "turns" } else { "slides" };
@@ -224,7 +226,7 @@ fn coordinates(robot: &Robot, given: &[RobotJoint]) -> Result<Vec<f64>, FileProb
 /// The first link of the lump of each link.
 fn owners(robot: &Robot) -> Vec<usize> {
     let mut owners: Vec<usize> = (0..robot.links.len()).collect();
-    for joint in robot.joints.iter().filter(|joint| joint.kind == JointKind::Fixed) {
+    for joint in robot.joints.iter().filter(|joint| joint.pair == Some(Pair::Fixed)) {
         owners[joint.child] = owners[joint.parent];
     }
     owners
@@ -234,10 +236,10 @@ fn owners(robot: &Robot) -> Vec<usize> {
 fn places(robot: &Robot, coordinates: &[f64], root: Pose) -> Vec<Pose> {
     let mut places = vec![root; robot.links.len()];
     for (joint, &q) in robot.joints.iter().zip(coordinates) {
-        let own = match joint.kind {
-            JointKind::Turns => Pose::from_rotation(Quat::from_axis_angle(joint.axis, q)),
-            JointKind::Slides => Pose::from_translation(q * joint.axis),
-            JointKind::Fixed | JointKind::Free => Pose::IDENTITY,
+        let own = match joint.pair {
+            Some(Pair::Revolute) => Pose::from_rotation(Quat::from_axis_angle(joint.axis, q)),
+            Some(Pair::Prismatic) => Pose::from_translation(q * joint.axis),
+            _ => Pose::IDENTITY,
         };
         places[joint.child] = places[joint.parent] * joint.pose * own;
     }
@@ -414,10 +416,7 @@ impl Import<'_> {
     ) -> Result<Vec<(String, JointSpec)>, FileProblem> {
         let (mut joints, mut gears) = (Vec::new(), Vec::new());
         let of_joint = |name: &str| format!("{}/{name}", self.name);
-        let is_made = |joint: &Joint| {
-            matches!(joint.kind, JointKind::Turns | JointKind::Slides)
-                && self.lumps[self.owners[joint.child]].is_needed
-        };
+        let is_made = |joint: &Joint| joint.moves() && self.lumps[self.owners[joint.child]].is_needed;
         for ((joint, given), &start) in self.robot.joints.iter().zip(given).zip(starts) {
             if !is_made(joint) {
                 continue;
@@ -430,7 +429,7 @@ impl Import<'_> {
                 let gear = JointSpec {
                     joints: vec![of_joint(leader), of_joint(&joint.name)],
                     ratio: Some(*ratio),
-                    ..JointSpec::new("gear", self.reader.location().clone())
+                    ..JointSpec::new(JointForm::Gear, self.reader.location().clone())
                 };
                 gears.push((of_joint(&format!("{}/mimic", joint.name)), gear));
             }
@@ -441,7 +440,7 @@ impl Import<'_> {
 
     /// A joint that turns or slides, and starts at this coordinate.
     fn joint(&self, joint: &Joint, given: RobotJoint, start: f64) -> Result<JointSpec, FileProblem> {
-        let turns = joint.kind == JointKind::Turns;
+        let turns = joint.pair == Some(Pair::Revolute);
         let [parent, child] = [joint.parent, joint.child].map(|link| self.owners[link]);
         let bodies = [parent, child].into_iter().filter(|&owner| !self.is_world(owner));
         let place = self.places[joint.child];
@@ -470,7 +469,10 @@ impl Import<'_> {
             bodies: bodies.map(|owner| self.body_name(owner)).collect(),
             point: Some(place.translation),
             axis: Some((place.rotation * joint.axis).normalize()),
-            ..JointSpec::new(if turns { "revolute" } else { "prismatic" }, self.reader.location().clone())
+            ..JointSpec::new(
+                JointForm::Pair(if turns { Pair::Revolute } else { Pair::Prismatic }),
+                self.reader.location().clone(),
+            )
         };
         Ok(if turns {
             let motor = drive.map(|(speed, torque)| MotorSpec { speed, torque });

@@ -71,7 +71,7 @@ fn reference() -> String {
         }
         text.push_str("| key | holds | default | example | meaning |\n|---|---|---|---|---|\n");
         for key in *keys {
-            let (name, default, example, about) = (key.name, key.default, key.example, key.about);
+            let (name, default, example, about) = (key.name, key.default, key.example, key.meaning());
             writeln!(text, "| `{name}` | {} | {default} | `{example}` | {about} |", holds(key)).unwrap();
         }
         for group in *alternatives {

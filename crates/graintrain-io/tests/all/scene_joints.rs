@@ -1,6 +1,6 @@
 //! Joints in scenes: every kind, errors, tables, checkpoints.
 
-use graintrain::joint::{Coordinate, JointKind, Motor};
+use graintrain::joint::{Coordinate, JointKind, Motor, Pair};
 use graintrain::stepper::Stepper;
 use graintrain_io::checkpoint;
 use graintrain_io::run::{RunSettings, RunTotals};
@@ -100,7 +100,10 @@ fn every_kind_of_joint_is_read_and_written() {
     assert!((limits.lower.unwrap() + 30.0_f64.to_radians()).abs() < 1e-15);
     assert_eq!(hinge.spring.as_ref().unwrap().stiffness, 3.0);
     assert!(matches!(joints[4].kind, JointKind::Gear { ratio, .. } if ratio == 0.1));
-    assert!(matches!(joints[5].kind, JointKind::Cylindrical { coordinate: Coordinate::Slide, .. }));
+    assert!(matches!(
+        joints[5].kind,
+        JointKind::Pair { pair: Pair::Cylindrical, coordinate: Coordinate::Slide, .. }
+    ));
     assert!(joints[5].collide && joints[2].bodies[0].is_none());
 }
 

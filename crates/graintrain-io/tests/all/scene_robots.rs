@@ -1,6 +1,6 @@
 //! Robots in scenes: URDF files beside the same bodies and joints written by hand, meshes, errors.
 
-use graintrain::joint::{JointKind, Motor};
+use graintrain::joint::{JointKind, Motor, Pair};
 use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::stepper::Stepper;
 use graintrain_io::scene::{Scene, SceneError, Simulation};
@@ -45,7 +45,9 @@ fn links_become_bodies_and_joints() {
         simulation.world.joints().iter().map(|placed| placed.joint.name.as_str()).collect();
     assert_eq!(joints, ["arm/shoulder", "arm/elbow", "arm/left", "arm/right", "arm/right/mimic"]);
     let joint = |k: usize| &simulation.world.joints()[k].joint;
-    let JointKind::Revolute { point, axis } = joint(0).kind else { panic!("{:?}", joint(0)) };
+    let JointKind::Pair { pair: Pair::Revolute, point, axis, .. } = joint(0).kind else {
+        panic!("{:?}", joint(0))
+    };
     assert!((point - Vec3::new(0.0, 0.0, 0.7)).length() < 1e-15);
     assert!((axis + Vec3::X).length() < 1e-15, "turned by yaw and made of length one: {axis}");
     let limits = joint(0).limits.unwrap();

@@ -68,6 +68,8 @@ pub(super) fn quadtree(matrix: &Bound<'_, PyAny>, leaf: usize) -> PyResult<Quadt
     matrix.py().detach(|| QuadtreeMatrix::from_entries(leaf, levels, entries)).or_raise()
 }
 
+super::shared::shared!(TrainMatrix(TtMatrix));
+
 /// Making and reading.
 #[pymethods]
 impl TrainMatrix {
@@ -175,33 +177,9 @@ impl TrainMatrix {
         self.train.num_columns().or_raise()
     }
 
-    /// Ranks, the ones at both ends included.
-    #[getter]
-    fn ranks(&self) -> Vec<usize> {
-        self.train.ranks()
-    }
-
-    /// The largest rank.
-    #[getter]
-    fn max_rank(&self) -> usize {
-        self.train.max_rank()
-    }
-
-    /// Number of cores d.
-    #[getter]
-    fn num_cores(&self) -> usize {
-        self.train.num_cores()
-    }
-
     /// The train over paired digits, row digit the fastest.
     fn as_vector(&self) -> TrainVector {
         self.train.as_vector().clone().into()
-    }
-
-    /// The cores, (left rank, rows[k] * columns[k], right rank) each. Copies.
-    #[getter]
-    fn cores<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>> {
-        self.train.cores().iter().map(|core| core_array(py, core)).collect()
     }
 
     /// The full matrix.
@@ -231,28 +209,6 @@ impl TrainMatrix {
         Ok(self.train.sub_matrix(&rows, &columns).or_raise()?.into())
     }
 
-    /// Writes the train to a file.
-    fn save(&self, path: PathBuf) -> PyResult<()> {
-        self.train.save(&path).or_raise()
-    }
-
-    /// Reads what save wrote.
-    #[staticmethod]
-    fn load(path: PathBuf) -> PyResult<Self> {
-        Ok(TtMatrix::load(&path).or_raise()?.into())
-    }
-
-    /// Writes the train to an HDF5 file.
-    fn save_hdf5(&self, path: PathBuf) -> PyResult<()> {
-        self.train.save_hdf5(&path).or_raise()
-    }
-
-    /// Reads what save_hdf5 wrote.
-    #[staticmethod]
-    fn load_hdf5(path: PathBuf) -> PyResult<Self> {
-        Ok(TtMatrix::load_hdf5(&path).or_raise()?.into())
-    }
-
     /// Pickles by the cores.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Parts<'py>)> {
         Ok((py.get_type::<Self>().getattr("from_cores")?, (self.cores(py)?, self.rows(), self.columns())))
@@ -270,35 +226,6 @@ impl TrainMatrix {
 /// Algebra and rounding.
 #[pymethods]
 impl TrainMatrix {
-    /// A train of smaller ranks within a relative error in the Frobenius norm. With return_report=True also a
-    /// dict; see TrainVector.round.
-    #[pyo3(signature = (tolerance=1e-10, *, max_rank=None, return_report=false))]
-    fn round<'py>(
-        &self,
-        py: Python<'py>,
-        tolerance: f64,
-        max_rank: Option<usize>,
-        return_report: bool,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let found = detached(py, || self.train.round(&truncation(tolerance, max_rank)))?;
-        maybe_with_report::<_, Self>(py, found, return_report)
-    }
-
-    /// Without dependent rows and columns of cores: true ranks, to the last digit of every term of a sum.
-    fn without_dependent_ranks(&self, py: Python<'_>) -> Self {
-        py.detach(|| self.train.without_dependent_ranks()).into()
-    }
-
-    /// Frobenius norm.
-    fn norm(&self, py: Python<'_>) -> f64 {
-        py.detach(|| self.train.norm())
-    }
-
-    /// ||self - other|| / ||other||, without cancellation.
-    fn relative_distance(&self, py: Python<'_>, other: &Self) -> PyResult<f64> {
-        detached(py, || self.train.relative_distance(&other.train))
-    }
-
     /// The diagonal of a square matrix.
     fn diagonal(&self) -> PyResult<TrainVector> {
         Ok(self.train.diagonal().or_raise()?.into())
@@ -355,31 +282,6 @@ impl TrainMatrix {
     ) -> PyResult<(Self, Bound<'py, PyAny>)> {
         let limits = truncation(tolerance, max_rank);
         with_report(py, detached(py, || self.train.times_matrix_rounded(&other.train, &limits))?)
-    }
-
-    fn __add__(&self, other: &Self) -> PyResult<Self> {
-        Ok(self.train.add(&other.train).or_raise()?.into())
-    }
-
-    fn __sub__(&self, other: &Self) -> PyResult<Self> {
-        Ok(self.train.subtract(&other.train).or_raise()?.into())
-    }
-
-    fn __mul__(&self, factor: f64) -> Self {
-        self.train.scale(factor).into()
-    }
-
-    fn __rmul__(&self, factor: f64) -> Self {
-        self.__mul__(factor)
-    }
-
-    fn __neg__(&self) -> Self {
-        self.__mul__(-1.0)
-    }
-
-    /// The product entry by entry: ranks multiply.
-    fn hadamard(&self, other: &Self) -> PyResult<Self> {
-        Ok(self.train.hadamard(&other.train).or_raise()?.into())
     }
 
     /// The Kronecker product other (x) self: the digits of the other matrix after (above) those of this one.

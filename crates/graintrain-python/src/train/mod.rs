@@ -9,7 +9,7 @@
 //! | `fourier` | Fourier transform and convolution; files of other programs |
 //! | `qtt` | quantized trains with known ranks |
 //! | `quantics`, `operator_sum` | functions on named grids, sums of local operators |
-//! | `settings` | settings and choices from keywords |
+//! | `settings`, `shared` | settings and choices from keywords; what all real trains have |
 
 pub mod complex;
 pub mod cross;
@@ -19,6 +19,7 @@ pub mod operator_sum;
 pub mod qtt;
 pub mod quantics;
 mod settings;
+mod shared;
 pub mod solve;
 pub mod sparse;
 pub mod vector;

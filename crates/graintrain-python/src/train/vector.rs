@@ -26,6 +26,8 @@ impl From<TtVector> for TrainVector {
     }
 }
 
+super::shared::shared!(TrainVector(TtVector));
+
 /// Making and reading.
 #[pymethods]
 impl TrainVector {
@@ -88,24 +90,6 @@ impl TrainVector {
         self.train.modes()
     }
 
-    /// Ranks, the ones at both ends included.
-    #[getter]
-    fn ranks(&self) -> Vec<usize> {
-        self.train.ranks()
-    }
-
-    /// The largest rank.
-    #[getter]
-    fn max_rank(&self) -> usize {
-        self.train.max_rank()
-    }
-
-    /// Number of cores d.
-    #[getter]
-    fn num_cores(&self) -> usize {
-        self.train.num_cores()
-    }
-
     /// Numbers stored.
     #[getter]
     fn num_parameters(&self) -> usize {
@@ -116,12 +100,6 @@ impl TrainVector {
     #[getter]
     fn num_entries(&self) -> f64 {
         self.train.num_entries()
-    }
-
-    /// The cores, (left rank, mode, right rank) each. Copies.
-    #[getter]
-    fn cores<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>> {
-        self.train.cores().iter().map(|core| core_array(py, core)).collect()
     }
 
     /// The full tensor.
@@ -153,28 +131,6 @@ impl TrainVector {
         self.train.squeeze().into()
     }
 
-    /// Writes the train to a file.
-    fn save(&self, path: PathBuf) -> PyResult<()> {
-        self.train.save(&path).or_raise()
-    }
-
-    /// Reads what save wrote.
-    #[staticmethod]
-    fn load(path: PathBuf) -> PyResult<Self> {
-        Ok(TtVector::load(&path).or_raise()?.into())
-    }
-
-    /// Writes the train to an HDF5 file.
-    fn save_hdf5(&self, path: PathBuf) -> PyResult<()> {
-        self.train.save_hdf5(&path).or_raise()
-    }
-
-    /// Reads what save_hdf5 wrote.
-    #[staticmethod]
-    fn load_hdf5(path: PathBuf) -> PyResult<Self> {
-        Ok(TtVector::load_hdf5(&path).or_raise()?.into())
-    }
-
     /// Pickles by the cores.
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Cores<'py>,))> {
         Ok((py.get_type::<Self>().getattr("from_cores")?, (self.cores(py)?,)))
@@ -188,34 +144,9 @@ impl TrainVector {
 /// Algebra and rounding.
 #[pymethods]
 impl TrainVector {
-    /// A train of the smallest ranks within a relative error in the Frobenius norm (Oseledets 2011). O(d n
-    /// r^3). With return_report=True also a dict: error (the error itself), floor (what rounding adds at
-    /// most), norm, capped.
-    #[pyo3(signature = (tolerance=1e-10, *, max_rank=None, return_report=false))]
-    fn round<'py>(
-        &self,
-        py: Python<'py>,
-        tolerance: f64,
-        max_rank: Option<usize>,
-        return_report: bool,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let found = detached(py, || self.train.round(&truncation(tolerance, max_rank)))?;
-        maybe_with_report::<_, Self>(py, found, return_report)
-    }
-
-    /// Without dependent rows and columns of cores: true ranks, to the last digit of every term of a sum.
-    fn without_dependent_ranks(&self, py: Python<'_>) -> Self {
-        py.detach(|| self.train.without_dependent_ranks()).into()
-    }
-
     /// Inner product. O(d n r^3).
     fn dot(&self, py: Python<'_>, other: &Self) -> PyResult<f64> {
         detached(py, || self.train.dot(&other.train))
-    }
-
-    /// Frobenius norm. O(d n r^3).
-    fn norm(&self, py: Python<'_>) -> f64 {
-        py.detach(|| self.train.norm())
     }
 
     /// Natural logarithm of the norm: does not overflow.
@@ -238,11 +169,6 @@ impl TrainVector {
         list.collect()
     }
 
-    /// ||self - other|| / ||other||, without cancellation.
-    fn relative_distance(&self, py: Python<'_>, other: &Self) -> PyResult<f64> {
-        detached(py, || self.train.relative_distance(&other.train))
-    }
-
     /// The relative distance and its rounding floor.
     fn measured_distance(&self, py: Python<'_>, other: &Self) -> PyResult<(f64, f64)> {
         Ok(value_and_floor(detached(py, || self.train.measured_distance(&other.train))?))
@@ -260,31 +186,6 @@ impl TrainVector {
         let mut train = self.train.clone();
         py.detach(|| train.orthogonalise_right());
         train.into()
-    }
-
-    fn __add__(&self, other: &Self) -> PyResult<Self> {
-        Ok(self.train.add(&other.train).or_raise()?.into())
-    }
-
-    fn __sub__(&self, other: &Self) -> PyResult<Self> {
-        Ok(self.train.subtract(&other.train).or_raise()?.into())
-    }
-
-    fn __mul__(&self, factor: f64) -> Self {
-        self.train.scale(factor).into()
-    }
-
-    fn __rmul__(&self, factor: f64) -> Self {
-        self.__mul__(factor)
-    }
-
-    fn __neg__(&self) -> Self {
-        self.__mul__(-1.0)
-    }
-
-    /// The product entry by entry: ranks multiply.
-    fn hadamard(&self, other: &Self) -> PyResult<Self> {
-        Ok(self.train.hadamard(&other.train).or_raise()?.into())
     }
 
     /// The outer product: the modes of the other train after those of this one.

@@ -4,8 +4,7 @@
 //!
 //! ```text
 //! translation along an axis n of A:  n . d,            d/dt = n . (u_B + w_B x r_B) - n . (u_A + w_A x (r_A + d))
-//! tilt of the axes:                  a_B . t_A,        d/dt = (w_B - w_A) . (a_B x t_A)
-//! twist about the axis:              t1_B . t2_A,      d/dt = (w_B - w_A) . (t1_B x t2_A)
+//! axes b of B and n of A square:     b . n,            d/dt = (w_B - w_A) . (b x n)
 //! distance:                          |d|
 //! angle:                             atan2(t1_B . t2_A, t1_B . t1_A) + whole turns
 //! ```
@@ -172,31 +171,20 @@ pub(crate) fn held(joints: &[PlacedJoint], joint: usize, poses: &Poses, near: &N
         return row.map(|row| Row { value: row.value - own.start, ..row }).into_iter().collect();
     }
     let placed = Placed::of(own, poses);
-    let [t1, t2, axis] = placed.frames[0];
-    let along = |axes: &[Vec3]| axes.iter().map(|&axis| placed.translation(axis)).collect::<Vec<_>>();
-    let tilt = || [placed.dot(2, 0), placed.dot(2, 1)];
-    let mut rows = match own.joint.kind {
-        JointKind::Fixed { .. } | JointKind::Revolute { .. } | JointKind::Spherical { .. } => {
-            along(&[t1, t2, axis])
+    match own.joint.kind {
+        JointKind::Pair { pair, .. } => {
+            let along = pair.held_along().iter().map(|&axis| placed.translation(placed.frames[0][axis]));
+            let square = pair.held_square().iter().map(|&[of_b, of_a]| placed.dot(of_b, of_a));
+            along.chain(square).collect()
         }
-        JointKind::Prismatic { .. } | JointKind::Cylindrical { .. } => along(&[t1, t2]),
         JointKind::Distance { .. } => {
             let joint = &own.joint;
             let is_rod = joint.motor.is_none() && joint.spring.is_none() && joint.limits.is_none();
             let row = placed.distance();
-            return is_rod.then_some(Row { value: row.value - own.start, ..row }).into_iter().collect();
+            is_rod.then_some(Row { value: row.value - own.start, ..row }).into_iter().collect()
         }
         JointKind::Gear { .. } => Vec::new(),
-    };
-    match own.joint.kind {
-        JointKind::Fixed { .. } | JointKind::Prismatic { .. } => {
-            rows.extend(tilt());
-            rows.push(placed.dot(0, 1));
-        }
-        JointKind::Revolute { .. } | JointKind::Cylindrical { .. } => rows.extend(tilt()),
-        _ => {}
     }
-    rows
 }
 
 /// The coordinate of a joint, if it has one, with angles within half a turn of what `near` says of their
@@ -205,15 +193,13 @@ pub(crate) fn coordinate(joints: &[PlacedJoint], joint: usize, poses: &Poses, ne
     let own = &joints[joint];
     let placed = || Placed::of(own, poses);
     match &own.joint.kind {
-        JointKind::Fixed { .. } | JointKind::Spherical { .. } => None,
-        JointKind::Revolute { .. } | JointKind::Cylindrical { coordinate: Coordinate::Turn, .. } => {
-            Some(placed().angle(near(joint)))
-        }
-        JointKind::Prismatic { .. } | JointKind::Cylindrical { coordinate: Coordinate::Slide, .. } => {
-            let placed = placed();
-            let axis = placed.frames[0][2];
-            Some(placed.translation(axis))
-        }
+        JointKind::Pair { pair, coordinate, .. } => Some(match pair.coordinate(*coordinate)? {
+            Coordinate::Turn => placed().angle(near(joint)),
+            Coordinate::Slide => {
+                let placed = placed();
+                placed.translation(placed.frames[0][2])
+            }
+        }),
         JointKind::Distance { .. } => Some(placed().distance()),
         JointKind::Gear { joints: pair, ratio } => {
             let [first, second] = pair.map(|other| coordinate(joints, other.index(), poses, near));

@@ -5,11 +5,7 @@
 //!
 //! | kind | held | free |
 //! |---|---|---|
-//! | fixed | 3 translations, 3 rotations | nothing |
-//! | revolute | 3 translations, 2 rotations | the angle about the axis |
-//! | prismatic | 2 translations, 3 rotations | the slide along the axis |
-//! | cylindrical | 2 translations, 2 rotations | angle and slide |
-//! | spherical | 3 translations | all rotations |
+//! | [`Pair`] | what its line of `pair` says | the rest |
 //! | distance | the distance of two points | everything else; the distance too, where a spring, a motor or limits act on it |
 //! | gear | the coordinate of a second joint is a multiple of that of a first | |
 //!
@@ -20,6 +16,7 @@ pub(crate) mod drift;
 pub(crate) mod elimination;
 pub(crate) mod kinematics;
 pub(crate) mod mechanism;
+mod pair;
 mod rows;
 mod stiffening;
 
@@ -30,41 +27,21 @@ use crate::motion::Profile;
 use crate::world::World;
 use serde::{Deserialize, Serialize};
 
+pub use pair::Pair;
+
 /// What a joint holds. Points and axes in the world, where the bodies are when the joint is added.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum JointKind {
-    /// Both bodies move as one.
-    Fixed {
-        /// Where reactions are reported, m.
-        point: Vec3,
-    },
-    /// A hinge.
-    Revolute {
+    /// A point, and mostly an axis, of A and B: a hinge, a slide, a ball in a socket.
+    Pair {
+        /// What it holds of them.
+        pair: Pair,
         /// A point of the axis, m.
         point: Vec3,
-        /// Direction of the axis; any length.
+        /// Direction of the axis, any length; of no account for pairs without ([`Pair::has_axis`]).
         axis: Vec3,
-    },
-    /// A slide that cannot turn.
-    Prismatic {
-        /// A point of the axis, m.
-        point: Vec3,
-        /// Direction of the axis; any length.
-        axis: Vec3,
-    },
-    /// A shaft that slides and turns.
-    Cylindrical {
-        /// A point of the axis, m.
-        point: Vec3,
-        /// Direction of the axis; any length.
-        axis: Vec3,
-        /// Which of both motors, springs and limits act on.
+        /// What motors, springs and limits act on, where the pair has it; else its own.
         coordinate: Coordinate,
-    },
-    /// A ball in a socket.
-    Spherical {
-        /// Its centre, m.
-        point: Vec3,
     },
     /// A rod without mass between two points; with limits alone a rope, with a spring a spring, with a motor
     /// an actuator.
@@ -83,7 +60,7 @@ pub enum JointKind {
     },
 }
 
-/// The two coordinates of a cylindrical joint.
+/// What a pair may leave free.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Coordinate {
@@ -158,24 +135,29 @@ impl Joint {
         Self { name: String::new(), bodies, kind, motor: None, spring: None, limits: None, collide: false }
     }
 
+    /// A pair at a point, with this axis.
+    pub fn pair(pair: Pair, a: Option<BodyId>, b: BodyId, (point, axis): (Vec3, Vec3)) -> Self {
+        Self::new([a, Some(b)], JointKind::Pair { pair, point, axis, coordinate: Coordinate::default() })
+    }
+
     /// Makes two bodies one.
     pub fn fixed(a: Option<BodyId>, b: BodyId, point: Vec3) -> Self {
-        Self::new([a, Some(b)], JointKind::Fixed { point })
+        Self::pair(Pair::Fixed, a, b, (point, Vec3::Z))
     }
 
     /// A hinge about an axis through a point.
     pub fn revolute(a: Option<BodyId>, b: BodyId, point: Vec3, axis: Vec3) -> Self {
-        Self::new([a, Some(b)], JointKind::Revolute { point, axis })
+        Self::pair(Pair::Revolute, a, b, (point, axis))
     }
 
     /// A slide along an axis through a point.
     pub fn prismatic(a: Option<BodyId>, b: BodyId, point: Vec3, axis: Vec3) -> Self {
-        Self::new([a, Some(b)], JointKind::Prismatic { point, axis })
+        Self::pair(Pair::Prismatic, a, b, (point, axis))
     }
 
     /// A ball and socket.
     pub fn spherical(a: Option<BodyId>, b: BodyId, point: Vec3) -> Self {
-        Self::new([a, Some(b)], JointKind::Spherical { point })
+        Self::pair(Pair::Spherical, a, b, (point, Vec3::Z))
     }
 
     /// A rod between a point of A and a point of B.
@@ -219,7 +201,11 @@ impl Joint {
 
     /// Whether it has a coordinate on which motors, springs and limits act.
     fn has_coordinate(&self) -> bool {
-        !matches!(self.kind, JointKind::Fixed { .. } | JointKind::Spherical { .. } | JointKind::Gear { .. })
+        match self.kind {
+            JointKind::Pair { pair, .. } => !pair.coordinates().is_empty(),
+            JointKind::Distance { .. } => true,
+            JointKind::Gear { .. } => false,
+        }
     }
 
     /// Point and axes (columns: two across, and the axis) on A and on B, in the world.
@@ -230,10 +216,9 @@ impl Joint {
             Quat::from_mat3(&Mat3::from_cols(t1, t2, axis)).normalize()
         };
         match self.kind {
-            JointKind::Fixed { point } | JointKind::Spherical { point } => [(point, Quat::IDENTITY); 2],
-            JointKind::Revolute { point, axis }
-            | JointKind::Prismatic { point, axis }
-            | JointKind::Cylindrical { point, axis, .. } => [(point, along(axis)); 2],
+            JointKind::Pair { pair, point, axis, .. } => {
+                [(point, if pair.has_axis() { along(axis) } else { Quat::IDENTITY }); 2]
+            }
             JointKind::Distance { ends } => ends.map(|end| (end, Quat::IDENTITY)),
             JointKind::Gear { .. } => [(Vec3::ZERO, Quat::IDENTITY); 2],
         }
@@ -271,17 +256,11 @@ impl Joint {
                 _ => {}
             }
         }
-        if let JointKind::Revolute { point, axis }
-        | JointKind::Prismatic { point, axis }
-        | JointKind::Cylindrical { point, axis, .. } = &self.kind
-        {
+        if let JointKind::Pair { pair, point, axis, .. } = &self.kind {
             finite(&format!("the point or axis of {label}"), &[point.to_array(), axis.to_array()].concat())?;
-            if axis.length() < 1e-12 {
+            if pair.has_axis() && axis.length() < 1e-12 {
                 return refuse("its axis has no direction; give one that is not zero".to_string());
             }
-        }
-        if let JointKind::Fixed { point } | JointKind::Spherical { point } = &self.kind {
-            finite(&format!("the point of {label}"), &point.to_array())?;
         }
         if let JointKind::Distance { ends } = &self.kind {
             finite(&format!("an end of {label}"), &[ends[0].to_array(), ends[1].to_array()].concat())?;

@@ -39,7 +39,7 @@ impl Builder {
         let number = |label: &str| {
             JointId::from_index(all.iter().position(|(other, _)| other == label).unwrap_or(all.len()))
         };
-        let kind = (spec.kind.make)(spec, &number).ok_or_else(|| {
+        let kind = spec.holds(number).ok_or_else(|| {
             let problem = format!("`joint.{name}` is incomplete");
             SceneError::at(SceneErrorKind::Contradiction(problem), &spec.location)
         })?;

@@ -3,6 +3,7 @@
 //! Source: the URDF specification, wiki.ros.org/urdf/XML. Lengths are m, angles rad, masses kg.
 
 use crate::scene::packing::FileProblem;
+use graintrain::joint::Pair;
 use graintrain::math::{Mat3, Pose, Quat, Vec3};
 use graintrain::shape::{Lengths, Shape};
 use roxmltree::{Document, Node};
@@ -44,21 +45,11 @@ pub(super) struct Link {
     pub shapes: Vec<(Pose, Form)>,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum JointKind {
-    Fixed,
-    /// `revolute` or `continuous`.
-    Turns,
-    /// `prismatic`.
-    Slides,
-    /// `floating`.
-    Free,
-}
-
 #[derive(Clone, Debug)]
 pub(super) struct Joint {
     pub name: String,
-    pub kind: JointKind,
+    /// `None` of what is `floating`.
+    pub pair: Option<Pair>,
     /// Numbers of links.
     pub parent: usize,
     pub child: usize,
@@ -76,6 +67,13 @@ pub(super) struct Joint {
     /// Name of the joint that it follows, multiplier, offset.
     pub mimic: Option<(String, f64, f64)>,
     pub line: usize,
+}
+
+impl Joint {
+    /// Whether the file gives it a coordinate: an angle or a slide.
+    pub(super) fn moves(&self) -> bool {
+        matches!(self.pair, Some(Pair::Revolute | Pair::Prismatic))
+    }
 }
 
 #[derive(Clone, Debug)]
@@ -300,11 +298,11 @@ fn joint(node: Node, links: &[Link]) -> Result<Joint, FileProblem> {
         })
     };
     let written = needed(node, "type")?;
-    let kind = match written {
-        "fixed" => JointKind::Fixed,
-        "revolute" | "continuous" => JointKind::Turns,
-        "prismatic" => JointKind::Slides,
-        "floating" => JointKind::Free,
+    let pair = match written {
+        "fixed" => Some(Pair::Fixed),
+        "revolute" | "continuous" => Some(Pair::Revolute),
+        "prismatic" => Some(Pair::Prismatic),
+        "floating" => None,
         other => {
             let known = "fixed, revolute, continuous, prismatic, floating";
             let problem = format!("the joint `{name}` is {other}, which is not supported: only {known} are");
@@ -313,10 +311,10 @@ fn joint(node: Node, links: &[Link]) -> Result<Joint, FileProblem> {
     };
     let axis = child(node, "axis").map(|axis| numbers(axis, "xyz")).transpose()?.flatten();
     let axis = axis.map_or(Vec3::X, Vec3::from_array);
-    let moves = matches!(kind, JointKind::Turns | JointKind::Slides);
+    let moves = matches!(pair, Some(Pair::Revolute | Pair::Prismatic));
     let axis = match axis.try_normalize() {
         Some(axis) => axis,
-        None if moves => {
+        None if pair.is_some_and(Pair::has_axis) => {
             return Err(FileProblem::at(line, format!("the axis of the joint `{name}` has no direction")));
         }
         None => Vec3::X,
@@ -335,7 +333,7 @@ fn joint(node: Node, links: &[Link]) -> Result<Joint, FileProblem> {
         )),
     };
     Ok(Joint {
-        kind,
+        pair,
         parent: end("parent")?,
         child: end("child")?,
         pose: pose(node)?,

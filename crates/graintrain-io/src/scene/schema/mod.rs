@@ -148,6 +148,16 @@ pub struct Key {
     pub about: &'static str,
 }
 
+impl Key {
+    /// What it means; where that ends with a colon, with the texts that it may hold.
+    pub fn meaning(&self) -> String {
+        match ((self.choices)().as_slice(), self.about.ends_with(':')) {
+            ([others @ .., last], true) => format!("{} {} or {last}", self.about, others.join(", ")),
+            _ => self.about.to_string(),
+        }
+    }
+}
+
 /// The first of each pair: the names among which [`Reader::choice`](super::reader::Reader::choice) chooses a
 /// value.
 pub(super) fn names<T>(choices: &[(&'static str, T)]) -> Vec<&'static str> {
