@@ -416,16 +416,16 @@ impl Import<'_> {
     ) -> Result<Vec<(String, JointSpec)>, FileProblem> {
         let (mut joints, mut gears) = (Vec::new(), Vec::new());
         let of_joint = |name: &str| format!("{}/{name}", self.name);
-        let is_made = |joint: &Joint| joint.moves() && self.lumps[self.owners[joint.child]].is_needed;
+        let is_needed = |joint: &Joint| self.lumps[self.owners[joint.child]].is_needed;
         for ((joint, given), &start) in self.robot.joints.iter().zip(given).zip(starts) {
-            if !is_made(joint) {
+            let Some(pair) = joint.pair.filter(|pair| *pair != Pair::Fixed && is_needed(joint)) else {
                 continue;
-            }
+            };
             let is_driven = given.motor.is_some() || given.actuator.is_some();
-            joints.push((of_joint(&joint.name), self.joint(joint, given, start)?));
+            joints.push((of_joint(&joint.name), self.joint((joint, pair), given, start)?));
             let Some((leader, ratio, _)) = joint.mimic.as_ref().filter(|_| !is_driven) else { continue };
-            if self.robot.joints.iter().any(|other| other.name == *leader && is_made(other)) && *ratio != 0.0
-            {
+            let leads = |other: &Joint| other.name == *leader && other.moves() && is_needed(other);
+            if self.robot.joints.iter().any(leads) && *ratio != 0.0 {
                 let gear = JointSpec {
                     joints: vec![of_joint(leader), of_joint(&joint.name)],
                     ratio: Some(*ratio),
@@ -438,9 +438,14 @@ impl Import<'_> {
         Ok(joints)
     }
 
-    /// A joint that turns or slides, and starts at this coordinate.
-    fn joint(&self, joint: &Joint, given: RobotJoint, start: f64) -> Result<JointSpec, FileProblem> {
-        let turns = joint.pair == Some(Pair::Revolute);
+    /// A joint that is no fixed one, and starts at this coordinate.
+    fn joint(
+        &self,
+        (joint, pair): (&Joint, Pair),
+        given: RobotJoint,
+        start: f64,
+    ) -> Result<JointSpec, FileProblem> {
+        let turns = pair == Pair::Revolute;
         let [parent, child] = [joint.parent, joint.child].map(|link| self.owners[link]);
         let bodies = [parent, child].into_iter().filter(|&owner| !self.is_world(owner));
         let place = self.places[joint.child];
@@ -469,17 +474,16 @@ impl Import<'_> {
             bodies: bodies.map(|owner| self.body_name(owner)).collect(),
             point: Some(place.translation),
             axis: Some((place.rotation * joint.axis).normalize()),
-            ..JointSpec::new(
-                JointForm::Pair(if turns { Pair::Revolute } else { Pair::Prismatic }),
-                self.reader.location().clone(),
-            )
+            ..JointSpec::new(JointForm::Pair(pair), self.reader.location().clone())
         };
         Ok(if turns {
             let motor = drive.map(|(speed, torque)| MotorSpec { speed, torque });
             JointSpec { motor, torsion_spring: spring, angles: stops, ..spec }
-        } else {
+        } else if joint.moves() {
             let actuator = drive.map(|(speed, force)| ActuatorSpec { speed, force });
             JointSpec { actuator, spring, travel: stops, ..spec }
+        } else {
+            spec
         })
     }
 }

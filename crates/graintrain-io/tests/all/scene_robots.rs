@@ -249,8 +249,8 @@ fn errors_name_file_line_and_remedy() {
         ("<child link=\"palm\"/>", "<child link=\"upper\"/>", "child of two joints"),
         (
             "name=\"elbow\" type=\"continuous\"",
-            "name=\"elbow\" type=\"planar\"",
-            "is planar, which is not supported",
+            "name=\"elbow\" type=\"screw\"",
+            "is screw, which is not supported",
         ),
         ("<mimic joint=\"left\"", "<mimic joint=\"light\"", "mimics `light`, which is not there"),
         ("<mimic joint=\"left\"", "<mimic joint=\"right\"", "mimics itself"),
@@ -383,4 +383,19 @@ fn public_robots_hang_by_their_joints() {
     refused.iter().for_each(|(path, error)| println!("{}: {error}", path.display()));
     println!("{} robots ran, {} were refused", ran.len(), refused.len());
     assert!(ran.len() > 4 * refused.len());
+}
+
+/// A planar joint of a file is one of the scene; it has no drive.
+#[test]
+fn planar_joints_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = std::fs::read_to_string(Path::new(ROBOTS).join("arm.urdf")).unwrap();
+    let file = file.replace("name=\"elbow\" type=\"continuous\"", "name=\"elbow\" type=\"planar\"");
+    std::fs::write(folder.path().join("arm.urdf"), file).unwrap();
+    let mut simulation = built(&format!("{TIME}[robot.arm]\nfile = \"arm.urdf\"\n"), folder.path());
+    let joint = simulation.world.joints().iter().find(|placed| placed.joint.name == "arm/elbow").unwrap();
+    assert!(matches!(joint.joint.kind, JointKind::Pair { pair: Pair::Planar, .. }), "{joint:?}");
+    run(&mut simulation, 100);
+    let elbow = simulation.world.joints().iter().find(|placed| placed.joint.name == "arm/elbow").unwrap();
+    assert!(elbow.state.opening < 1e-9, "{:?}", elbow.state);
 }

@@ -73,6 +73,8 @@ pairs! {
     Cylindrical = "cylindrical", &[T1, T2], ALIGNED, &[Turn, Slide];
     /// A ball in a socket.
     Spherical = "spherical", &[T1, T2, AXIS], &[], &[];
+    /// A puck on a table: it slides across the axis both ways and turns about it.
+    Planar = "planar", &[AXIS], ALIGNED, &[Turn];
 }
 
 impl Pair {

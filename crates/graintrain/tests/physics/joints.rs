@@ -2,7 +2,7 @@
 
 use graintrain::ccp::{FrictionModel, Status};
 use graintrain::handle::{BodyId, JointId, MaterialId};
-use graintrain::joint::{Joint, Motor, Spring};
+use graintrain::joint::{Joint, Motor, Pair, Spring};
 use graintrain::load::{Action, Load};
 use graintrain::material::Materials;
 use graintrain::math::{Mat3, Quat, Vec3};
@@ -807,4 +807,34 @@ fn motors_and_stops_of_a_chain_agree() {
         let report = stepper.step(&mut world).unwrap();
         assert_eq!(report.solve.status, Status::Converged, "step {step}: {:?}", report.solve.remark);
     }
+}
+
+/// A disc on a tilted plane that a planar joint keeps it in, held off its centre: the centre falls along the
+/// plane as a free body does, and the disc turns as its motor says, about the normal alone.
+#[test]
+fn a_planar_joint_leaves_sliding_and_the_turn_about_its_axis() {
+    let mut world = earth();
+    let normal = Quat::from_rotation_y(0.4) * Vec3::Z;
+    let (slope, across) = (Quat::from_rotation_y(0.4) * Vec3::X, Vec3::Y);
+    let disc = lump(&mut world, Vec3::ZERO, 2.0, Vec3::new(0.1, 0.2, 0.15));
+    let k = disc.index();
+    world.bodies.velocity[k] = 0.3 * slope + 0.7 * across;
+    let motor = Motor::Speed { speed: Profile::Constant(3.0), limit: None };
+    let held = Joint::pair(Pair::Planar, None, disc, (Vec3::new(0.2, 0.1, 0.0), normal)).with_motor(motor);
+    world.add_joint(held).unwrap();
+    let (mut stepper, step, steps) = (stepper(1e-3, FrictionModel::Coulomb), 1e-3, 500);
+    for _ in 0..steps {
+        let report = stepper.step(&mut world).unwrap();
+        assert!(report.errors.joint_opening_max < 1e-12, "{:?}", report.errors);
+    }
+    let (time, position) = (step * f64::from(steps), world.bodies.position[k]);
+    let fall = GRAVITY * 0.4_f64.sin();
+    let expected = [0.3 * time + 0.5 * fall * time * (time + step), 0.7 * time, 0.0];
+    for (axis, expected) in [slope, across].into_iter().zip(expected) {
+        assert!((position.dot(axis) - expected).abs() < 2e-3, "{position} {expected}");
+    }
+    let spin = world.bodies.angular_velocity[k];
+    // The spin at the end of the step, not its mean.
+    assert!((spin - 3.0 * normal).length() < 2e-3, "{spin} {normal}");
+    assert!((world.joints()[0].state.coordinate - 3.0 * time).abs() < 1e-9);
 }

@@ -302,9 +302,10 @@ fn joint(node: Node, links: &[Link]) -> Result<Joint, FileProblem> {
         "fixed" => Some(Pair::Fixed),
         "revolute" | "continuous" => Some(Pair::Revolute),
         "prismatic" => Some(Pair::Prismatic),
+        "planar" => Some(Pair::Planar),
         "floating" => None,
         other => {
-            let known = "fixed, revolute, continuous, prismatic, floating";
+            let known = "fixed, revolute, continuous, prismatic, planar, floating";
             let problem = format!("the joint `{name}` is {other}, which is not supported: only {known} are");
             return Err(FileProblem::at(line, problem));
         }
