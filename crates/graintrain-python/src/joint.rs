@@ -17,10 +17,10 @@ fn needed<T>(kind: &str, what: &str, given: Option<T>) -> PyResult<T> {
 
 #[pymethods]
 impl World {
-    /// Adds a joint and returns its index. kind: fixed, revolute, prismatic, cylindrical, planar, spherical (point;
-    /// axis), distance (ends: a point of `other` and one of `body`), gear (joints: two indices; ratio). It
-    /// holds `body` (index or name) to `other`, or to the world, where they are now; points and axes are in
-    /// the world.
+    /// Adds a joint and returns its index. kind: fixed, revolute, prismatic, cylindrical, planar, spherical
+    /// (point; axis), distance (ends: a point of `other` and one of `body`), gear (joints: two indices;
+    /// ratio). It holds `body` (index or name) to `other`, or to the world, where they are now; points and
+    /// axes are in the world.
     ///
     /// The coordinate (angle, slide or distance of `body` relative to `other`; of cylindrical joints "turn"
     /// or "slide") may have a motor (speed with a limit of force, or force; numbers or Functions), a spring

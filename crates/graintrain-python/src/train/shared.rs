@@ -23,7 +23,8 @@ macro_rules! shared {
                 self.train.num_cores()
             }
 
-            /// The cores, (left rank, mode, right rank) each; modes of a matrix are rows[k] * columns[k]. Copies.
+            /// The cores, (left rank, mode, right rank) each; modes of a matrix are rows[k] * columns[k].
+            /// Copies.
             #[getter]
             pub(super) fn cores<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>> {
                 self.train.cores().iter().map(|core| core_array(py, core)).collect()
@@ -51,9 +52,9 @@ macro_rules! shared {
                 Ok($train::load_hdf5(&path).or_raise()?.into())
             }
 
-            /// A train of the smallest ranks within a relative error in the Frobenius norm (Oseledets 2011). O(d n
-            /// r^3). With return_report=True also a dict: error (the error itself), floor (what rounding adds at
-            /// most), norm, capped.
+            /// A train of the smallest ranks within a relative error in the Frobenius norm (Oseledets 2011).
+            /// O(d n r^3). With return_report=True also a dict: error (the error itself), floor (what
+            /// rounding adds at most), norm, capped.
             #[pyo3(signature = (tolerance=1e-10, *, max_rank=None, return_report=false))]
             fn round<'py>(
                 &self,
@@ -66,7 +67,8 @@ macro_rules! shared {
                 maybe_with_report::<_, Self>(py, found, return_report)
             }
 
-            /// Without dependent rows and columns of cores: true ranks, to the last digit of every term of a sum.
+            /// Without dependent rows and columns of cores: true ranks, to the last digit of every term of a
+            /// sum.
             fn without_dependent_ranks(&self, py: Python<'_>) -> Self {
                 py.detach(|| self.train.without_dependent_ranks()).into()
             }
