@@ -6,6 +6,7 @@
 //! order.
 
 #![warn(clippy::print_stdout, clippy::print_stderr)]
+#![warn(clippy::too_many_lines)]
 
 mod closing;
 mod command;

@@ -22,6 +22,7 @@
 
 // The C library has other bits on other machines: `graintrain_linalg::real`.
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+#![warn(clippy::too_many_lines)]
 
 #[doc = include_str!("../README.md")]
 #[cfg(doctest)]

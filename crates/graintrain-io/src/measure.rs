@@ -419,45 +419,15 @@ impl Quantity {
                 let count = found.count as f64;
                 vec![count, found.mean, found.deviation, found.max, found.strong, found.participation]
             }
-            Self::Cell => world.cell().map_or_else(
-                || vec![f64::NAN; CELL.len()],
-                |cell| {
-                    let form = cell.size.to_array().into_iter().chain(cell.tilt);
-                    form.chain([cell.volume()]).chain(cell.strain).chain(cell.rate).collect()
-                },
-            ),
-            Self::Energy => {
-                let found = energies(world, meant);
-                let Ledger { gravity, loads, drives, joints, friction, normal, rest } = *now.ledger;
-                let kinetic = found.translational + found.rotational;
-                vec![
-                    kinetic,
-                    found.translational,
-                    found.rotational,
-                    found.potential,
-                    gravity,
-                    loads,
-                    drives,
-                    joints,
-                    friction,
-                    normal,
-                    now.correction_energy,
-                    rest,
-                ]
-            }
+            Self::Cell => of_cell(world),
+            Self::Energy => of_energy(now, meant),
             Self::Motion => motion(world, meant),
             Self::ForceOn(bodies, point) => {
                 let bodies = now.open_boundaries.numbers.present(bodies);
                 let (force, torque) = force_on(world, step, &bodies, measure.region.as_ref(), *point);
                 [force.to_array(), torque.to_array()].concat()
             }
-            Self::Plane(plane) => {
-                let (time, mass) = (world.time, state.passed.mass);
-                let flow = state.last.map_or(f64::NAN, |[t, m]| (mass - m) / (time - t));
-                state.last = Some([time, mass]);
-                let through = plane.force(world, step).to_array();
-                [[mass, state.passed.bodies as f64, flow].as_slice(), &through].concat()
-            }
+            Self::Plane(plane) => through(plane, now, state),
             Self::Mixing(first, cell) => {
                 let first = now.open_boundaries.numbers.members(first);
                 let found = lacey(world, meant, &among(world, &first), *cell);
@@ -469,12 +439,7 @@ impl Quantity {
                 let found = slope(world, meant, *along, *width);
                 vec![found.angle, found.roughness, found.columns as f64]
             }
-            Self::Exchange => {
-                let (entered, left) = (now.open_boundaries.entered(), now.open_boundaries.left());
-                let amounts = [entered, left];
-                let numbers = amounts.iter().flat_map(|a| [a.bodies as f64, a.mass, a.kinetic]);
-                numbers.chain([now.open_boundaries.waiting() as f64]).collect()
-            }
+            Self::Exchange => exchanged(now),
             Self::Profile(bins) => {
                 let found = profile(world, meant, bins, measure.region.as_ref());
                 let row = |(k, bin): (usize, &graintrain::measure::profile::Bin)| {
@@ -492,6 +457,49 @@ impl Quantity {
         };
         vec![row]
     }
+}
+
+/// The row of [`Quantity::Cell`].
+fn of_cell(world: &World) -> Vec<f64> {
+    let Some(cell) = world.cell() else { return vec![f64::NAN; CELL.len()] };
+    let form = cell.size.to_array().into_iter().chain(cell.tilt);
+    form.chain([cell.volume()]).chain(cell.strain).chain(cell.rate).collect()
+}
+
+/// The row of [`Quantity::Energy`].
+fn of_energy(now: Measured<'_>, meant: &[bool]) -> Vec<f64> {
+    let found = energies(now.world, meant);
+    let Ledger { gravity, loads, drives, joints, friction, normal, rest } = *now.ledger;
+    vec![
+        found.translational + found.rotational,
+        found.translational,
+        found.rotational,
+        found.potential,
+        gravity,
+        loads,
+        drives,
+        joints,
+        friction,
+        normal,
+        now.correction_energy,
+        rest,
+    ]
+}
+
+/// The row of [`Quantity::Plane`].
+fn through(plane: &Plane, now: Measured<'_>, state: &mut MeasureState) -> Vec<f64> {
+    let (time, mass) = (now.world.time, state.passed.mass);
+    let flow = state.last.map_or(f64::NAN, |[t, m]| (mass - m) / (time - t));
+    state.last = Some([time, mass]);
+    let force = plane.force(now.world, now.step).to_array();
+    [[mass, state.passed.bodies as f64, flow].as_slice(), &force].concat()
+}
+
+/// The row of [`Quantity::Exchange`].
+fn exchanged(now: Measured<'_>) -> Vec<f64> {
+    let amounts = [now.open_boundaries.entered(), now.open_boundaries.left()];
+    let numbers = amounts.iter().flat_map(|a| [a.bodies as f64, a.mass, a.kinetic]);
+    numbers.chain([now.open_boundaries.waiting() as f64]).collect()
 }
 
 /// The entries row by row.

@@ -8,6 +8,8 @@
 //! | [`sweep`] | a scene at many values of its parameters, studies of time step and tolerance |
 //! | [`verify`] | the program against exact answers and published figures |
 
+#![warn(clippy::too_many_lines)]
+
 pub mod calibrate;
 mod page;
 pub mod reproduce;

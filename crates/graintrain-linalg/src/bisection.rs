@@ -233,6 +233,13 @@ fn split_coarsest(level: &Level, random: &mut Random) -> Vec<u8> {
     best.map(|(_, side)| side).unwrap_or_default()
 }
 
+/// What the separator would lose in weight by moving v to a side.
+fn gain(level: &Level, side: &[u8], v: usize, to: u8) -> i64 {
+    let weight_of = |v: u32| i64::from(level.vertex_weight[v as usize]);
+    let pulled = level.neighbours(v).iter().filter(|&&u| side[u as usize] == 1 - to);
+    weight_of(v as u32) - pulled.map(|&u| weight_of(u)).sum::<i64>()
+}
+
 /// Moves separator vertices to a side (pulling their neighbours on the other side into the separator) as long
 /// as passes lower the cost. Each pass accepts losses for a while and returns to the best state it saw.
 fn improve(level: &Level, side: &mut [u8], random: &mut Random) {
@@ -244,16 +251,7 @@ fn improve(level: &Level, side: &mut [u8], random: &mut Random) {
     for v in 0..n {
         weight[side[v] as usize] += weight_of(v);
     }
-    // What the separator would lose in weight by moving v to a side.
-    let gain = |side: &[u8], v: usize, to: u8| -> i64 {
-        let pulled: u32 = level
-            .neighbours(v)
-            .iter()
-            .filter(|&&u| side[u as usize] == 1 - to)
-            .map(|&u| weight_of(u as usize))
-            .sum();
-        i64::from(weight_of(v)) - i64::from(pulled)
-    };
+    let gain = |side: &[u8], v: usize, to: u8| gain(level, side, v, to);
     let mut locked = vec![u32::MAX; n];
     let mut changes: Vec<(u32, u8)> = Vec::new();
     for pass in 0..PASSES as u32 {

@@ -20,6 +20,7 @@
 
 // The C library has other bits on other machines: `graintrain_linalg::real`.
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+#![warn(clippy::too_many_lines)]
 
 mod bisection;
 pub mod block3;

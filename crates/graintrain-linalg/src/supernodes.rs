@@ -235,15 +235,19 @@ fn postordered(graph: &Graph, order: Vec<u32>) -> Vec<u32> {
     postorder(&parent, &children).into_iter().map(|j| order[j as usize]).collect()
 }
 
-/// Merges supernodes into their parents where few zeros are stored for it, and renumbers.
-fn merge(
-    order: &[u32],
-    columns: Vec<std::ops::Range<u32>>,
-    rows: Vec<Vec<u32>>,
-    block_size: usize,
-) -> Supernodes {
+/// Supernodes after some were merged into their parents.
+struct Merged {
+    /// Columns of each; of those that were taken in, none.
+    members: Vec<Vec<u32>>,
+    /// Children among those that are left.
+    children: Vec<Vec<u32>>,
+    absorbed: Vec<bool>,
+}
+
+/// Merges supernodes into their parents where few zeros are stored for it.
+fn absorb(size: usize, columns: &[std::ops::Range<u32>], rows: &[Vec<u32>], block_size: usize) -> Merged {
     let count = columns.len();
-    let mut holder = vec![0_u32; order.len()];
+    let mut holder = vec![0_u32; size];
     for (s, columns) in columns.iter().enumerate() {
         for j in columns.clone() {
             holder[j as usize] = s as u32;
@@ -282,19 +286,27 @@ fn merge(
             children[parent[s] as usize].push(s as u32);
         }
     }
-    // Parents among the supernodes that are left.
-    let mut left_parent = vec![NONE; count];
+    Merged { members, children, absorbed }
+}
+
+/// Merges supernodes and renumbers: children whose subtree needs the most memory beyond the update matrix it
+/// leaves go first (Liu 1986).
+fn merge(
+    order: &[u32],
+    columns: Vec<std::ops::Range<u32>>,
+    rows: Vec<Vec<u32>>,
+    block_size: usize,
+) -> Supernodes {
+    let count = columns.len();
+    let Merged { members, mut children, absorbed } = absorb(order.len(), &columns, &rows, block_size);
+    let mut parent = vec![NONE; count];
     for s in (0..count).filter(|&s| !absorbed[s]) {
         for &c in &children[s] {
-            left_parent[c as usize] = s as u32;
+            parent[c as usize] = s as u32;
         }
     }
-    // Children whose subtree needs the most memory beyond the update matrix it leaves go first (Liu 1986).
     let mut peak = vec![0_usize; count];
-    for s in 0..count {
-        if absorbed[s] {
-            continue;
-        }
+    for s in (0..count).filter(|&s| !absorbed[s]) {
         let update = |s: usize| rows[s].len() * rows[s].len();
         children[s].sort_by_key(|&c| std::cmp::Reverse(peak[c as usize] - update(c as usize)));
         let (mut held, mut most) = (0, 0);
@@ -305,7 +317,7 @@ fn merge(
         peak[s] = most.max(held + update(s));
     }
     let sequence: Vec<u32> =
-        postorder(&left_parent, &children).into_iter().filter(|&s| !absorbed[s as usize]).collect();
+        postorder(&parent, &children).into_iter().filter(|&s| !absorbed[s as usize]).collect();
     let renumbered = inverse_of_sparse(&sequence, count);
     let (mut new_order, mut first) = (Vec::with_capacity(order.len()), vec![0]);
     let mut new_position = vec![0_u32; order.len()];
@@ -324,13 +336,11 @@ fn merge(
             rows
         })
         .collect();
-    let parent = sequence
-        .iter()
-        .map(|&s| match left_parent[s as usize] {
-            NONE => NONE,
-            p => renumbered[p as usize],
-        })
-        .collect();
+    let new_number = |&s: &u32| match parent[s as usize] {
+        NONE => NONE,
+        p => renumbered[p as usize],
+    };
+    let parent = sequence.iter().map(new_number).collect();
     let position = inverse(&new_order);
     Supernodes { order: new_order, position, first, rows, parent }
 }

@@ -16,6 +16,7 @@
 
 // Arguments by keyword, as Python has them.
 #![allow(clippy::too_many_arguments)]
+#![warn(clippy::too_many_lines)]
 
 mod arrays;
 mod batch;

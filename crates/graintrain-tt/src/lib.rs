@@ -43,6 +43,8 @@
 //! | [`toolbox`] | trains from and to the files of TT-Toolbox, ttpy and tt-fort |
 //! | [`sketch`] | streaming approximation from random sketches |
 
+#![warn(clippy::too_many_lines)]
+
 #[doc = include_str!("../README.md")]
 #[cfg(doctest)]
 struct Readme;

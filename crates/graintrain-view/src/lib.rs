@@ -8,6 +8,8 @@
 //! | [`film`] | the pictures of a run, from one camera |
 //! | [`view`] | a run's folder read back; replays in one HTML page |
 
+#![warn(clippy::too_many_lines)]
+
 pub mod figures;
 pub mod film;
 pub mod plot;

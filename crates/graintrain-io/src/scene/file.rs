@@ -2,7 +2,7 @@
 
 use super::error::{SceneError, SceneErrorKind};
 use super::joint::{self, JointSpec};
-use super::measure;
+use super::measure::{self, MeasureSpec};
 use super::model::*;
 use super::names::{self, Names};
 use super::parameters::Parameters;
@@ -37,17 +37,7 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         names::list(&reader, "ignores", "body above this one", &above)?;
         bodies.push((name, spec));
     }
-    let mut joints: Vec<(String, JointSpec)> = Vec::new();
-    for (name, reader) in scene.named("robot")? {
-        let robot = robot::read(&name, &reader)?;
-        let is_known = |(new, _): &&(String, BodySpec)| bodies.iter().any(|(name, _)| name == new);
-        if let Some((twice, _)) = robot.bodies.iter().find(is_known) {
-            let problem = format!("there are two bodies `{twice}`: call the robot or the body otherwise");
-            return Err(reader.refuse(problem));
-        }
-        bodies.extend(robot.bodies);
-        joints.extend(robot.joints);
-    }
+    let mut joints = robots(&scene, &mut bodies)?;
     (context.time, context.seed) = (time.clone(), seed);
     context.names.bodies = bodies.iter().map(|(name, _)| name.clone()).collect();
     let scene = Reader::of_scene(&context, root)?;
@@ -73,18 +63,7 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
     let scene = Reader::of_scene(&context, root)?;
     let streams: Vec<(String, StreamSpec)> = scene.field("stream")?;
     let outlets = scene.field("outlet")?;
-    let measures = scene
-        .named("measure")?
-        .into_iter()
-        .map(|(name, reader)| {
-            // The name is that of a file.
-            if !is_file_name(&name) {
-                let requirement = "a name of letters, digits, `-`, `_` and `.`, which is that of a file";
-                return Err(scene.out_of_range("measure", requirement, format!("`{name}`")));
-            }
-            Ok((name, measure::read(&reader)?))
-        })
-        .collect::<Result<Vec<_>, SceneError>>()?;
+    let measures = measures(&scene)?;
     stage::check_ends(&stages, &streams, &measures)?;
     Ok(Scene {
         name: name.to_string(),
@@ -108,6 +87,37 @@ pub(crate) fn read(name: &str, root: &Node, folder: PathBuf) -> Result<Scene, Sc
         stages,
         measures,
     })
+}
+
+/// Adds the bodies of robots; returned are their joints.
+fn robots(
+    scene: &Reader,
+    bodies: &mut Vec<(String, BodySpec)>,
+) -> Result<Vec<(String, JointSpec)>, SceneError> {
+    let mut joints = Vec::new();
+    for (name, reader) in scene.named("robot")? {
+        let robot = robot::read(&name, &reader)?;
+        let is_known = |(new, _): &&(String, BodySpec)| bodies.iter().any(|(name, _)| name == new);
+        if let Some((twice, _)) = robot.bodies.iter().find(is_known) {
+            let problem = format!("there are two bodies `{twice}`: call the robot or the body otherwise");
+            return Err(reader.refuse(problem));
+        }
+        bodies.extend(robot.bodies);
+        joints.extend(robot.joints);
+    }
+    Ok(joints)
+}
+
+fn measures(scene: &Reader) -> Result<Vec<(String, MeasureSpec)>, SceneError> {
+    let one = |(name, reader): (String, Reader)| {
+        // The name is that of a file.
+        if !is_file_name(&name) {
+            let requirement = "a name of letters, digits, `-`, `_` and `.`, which is that of a file";
+            return Err(scene.out_of_range("measure", requirement, format!("`{name}`")));
+        }
+        Ok((name, measure::read(&reader)?))
+    };
+    scene.named("measure")?.into_iter().map(one).collect()
 }
 
 fn pairs(scene: &Reader) -> Result<Vec<PairSpec>, SceneError> {

@@ -41,43 +41,12 @@ pub fn figures(results: &Results) -> Vec<Figure> {
     add(
         "fig11",
         "Figure 11: precomputation per step and per Newton iteration, sedimentation. Hollow: tolerance not reached.",
-        vec![
-            by_contacts(results, Experiment::Sedimentation, "Precomputation per step", "time (s)", |solve| {
-                solve.precompute_seconds
-            })
-            .with_band(
-                "paper, tensor train: 5 to 15 s",
-                published::PRECOMPUTE_SECONDS[0],
-                published::PRECOMPUTE_SECONDS[1],
-            ),
-            by_contacts(
-                results,
-                Experiment::Sedimentation,
-                "Precomputation per Newton iteration",
-                "time (s)",
-                |solve| solve.precompute_seconds / solve.iterations.max(1) as f64,
-            ),
-        ],
+        precomputation(results),
     );
     add(
         "fig12",
         "Figure 12: inner iterations per Newton iteration, and Newton iterations, sedimentation. Hollow: tolerance not reached.",
-        vec![
-            by_contacts(
-                results,
-                Experiment::Sedimentation,
-                "Inner iterations",
-                "iterations per Newton iteration (1)",
-                |s| s.inner_mean,
-            ),
-            by_contacts(results, Experiment::Sedimentation, "Newton iterations", "iterations (1)", |solve| {
-                if solve.precompute_seconds + solve.apply_seconds > 0.0 {
-                    solve.iterations as f64
-                } else {
-                    0.0
-                }
-            }),
-        ],
+        iterations(results),
     );
     add(
         "fig15",
@@ -126,6 +95,43 @@ pub fn figures(results: &Results) -> Vec<Figure> {
         ],
     );
     figures
+}
+
+/// Seconds of precomputation against contacts, of sedimentation.
+fn precomputation(results: &Results) -> Vec<Chart> {
+    vec![
+        by_contacts(results, Experiment::Sedimentation, "Precomputation per step", "time (s)", |solve| {
+            solve.precompute_seconds
+        })
+        .with_band(
+            "paper, tensor train: 5 to 15 s",
+            published::PRECOMPUTE_SECONDS[0],
+            published::PRECOMPUTE_SECONDS[1],
+        ),
+        by_contacts(
+            results,
+            Experiment::Sedimentation,
+            "Precomputation per Newton iteration",
+            "time (s)",
+            |solve| solve.precompute_seconds / solve.iterations.max(1) as f64,
+        ),
+    ]
+}
+
+/// Inner iterations and Newton iterations against contacts, of sedimentation.
+fn iterations(results: &Results) -> Vec<Chart> {
+    vec![
+        by_contacts(
+            results,
+            Experiment::Sedimentation,
+            "Inner iterations",
+            "iterations per Newton iteration (1)",
+            |s| s.inner_mean,
+        ),
+        by_contacts(results, Experiment::Sedimentation, "Newton iterations", "iterations (1)", |solve| {
+            if solve.precompute_seconds + solve.apply_seconds > 0.0 { solve.iterations as f64 } else { 0.0 }
+        }),
+    ]
 }
 
 fn by_contacts(

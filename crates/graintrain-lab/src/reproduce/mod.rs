@@ -373,111 +373,137 @@ pub fn measure(
 ) -> Result<Results, ReproduceError> {
     let states = settings.out.join("states");
     make_folder(&states)?;
-    let mut ledger = Ledger::open(&settings.out.join("cells.jsonl"))?;
+    let ledger = Ledger::open(&settings.out.join("cells.jsonl"))?;
     let mut results = Results::default();
     let cells = cells(settings, &mut results.missing);
-    let limit = settings.limit();
     results.damaged = ledger.damaged;
-    // Methods that did not come back are not asked again: their threads still work, and an interruption
-    // changes nothing.
-    let mut lost: HashSet<&str> = HashSet::new();
-    // The problem of the last state, so that it is made once for all methods.
-    let mut problem: Option<(PathBuf, u64, Arc<graintrain_ccp::Ccp>)> = None;
+    let mut session = Session {
+        limit: settings.limit(),
+        states,
+        ledger,
+        results,
+        lost: HashSet::new(),
+        problem: None,
+        stop,
+    };
     let total = cells.len();
     for (done, cell) in cells.iter().enumerate() {
-        if stop.load(Ordering::Relaxed) {
-            return Err(ReproduceError::Stopped);
-        }
+        session.go_on()?;
         progress(&Progress { done, total, label: cell.label() });
-        let key = cell.key(limit);
+        let key = cell.key(session.limit);
         match cell {
-            Cell::Simulate(simulate) => {
-                // States that somebody removed are made again, since what follows needs them.
-                let whole = |trajectory: &Trajectory| simulate.has_states(&states, trajectory);
-                let known = ledger.get::<Trajectory>(&key).filter(whole);
-                let trajectory = match known {
-                    Some(trajectory) => trajectory,
-                    None => {
-                        let label = cell.label();
-                        let compared = simulate.seed == 1 && simulate.variant == Variant::Paper;
-                        let samples = if compared { SAMPLES } else { 0 };
-                        let trajectory = simulate.run(samples, &states, stop, |step, steps| {
-                            progress(&Progress {
-                                done,
-                                total,
-                                label: format!("{label}, step {step} of {steps}"),
-                            });
-                        })?;
-                        ledger.put(&key, &trajectory)?;
-                        trajectory
-                    }
-                };
-                results.trajectories.push((*simulate, trajectory));
-            }
-            Cell::Solve { state, method, .. } | Cell::Rank { state, method, .. } => {
-                let sample = if let Cell::Solve { sample, .. } = cell { *sample } else { SAMPLES - 1 };
-                let solve = match ledger.get::<Solve>(&key) {
-                    Some(solve) => {
-                        if solve.residual.is_none() {
-                            lost.insert(method);
-                        }
-                        solve
-                    }
-                    None if lost.contains(method.as_str()) => continue,
-                    None => {
-                        let folder = state_folder(&results, state, sample, &states);
-                        if problem.as_ref().is_none_or(|(at, ..)| *at != folder) {
-                            problem = Problems::open(&folder, stop)?
-                                .advance()?
-                                .map(|(step, ccp)| (folder, step, ccp));
-                        }
-                        let Some((_, step, ccp)) = &problem else { continue };
-                        let place = (state.experiment.scene(), state.n, *step);
-                        let solve = solves::measure(ccp, method, limit, stop, place)?;
-                        if stop.load(Ordering::Relaxed) {
-                            return Err(ReproduceError::Stopped);
-                        }
-                        if solve.residual.is_none() {
-                            lost.insert(method);
-                        }
-                        ledger.put(&key, &solve)?;
-                        solve
-                    }
-                };
-                match cell {
-                    Cell::Rank { row, column, .. } => results.ranks[*row][*column] = Some(solve),
-                    _ => results.solves.push(solve),
+            Cell::Simulate(simulate) => session.simulate(simulate, &key, |step, steps| {
+                let label = format!("{}, step {step} of {steps}", cell.label());
+                progress(&Progress { done, total, label });
+            })?,
+            Cell::Solve { state, sample, method } => {
+                if let Some(solve) = session.solve(state, *sample, method, &key)? {
+                    session.results.solves.push(solve);
                 }
             }
-            Cell::Reuse { state, method } => {
-                let rows = match ledger.get::<Vec<ReuseRow>>(&key) {
-                    Some(rows) => {
-                        if rows.is_empty() {
-                            lost.insert(method);
-                        }
-                        rows
-                    }
-                    None if lost.contains(method.as_str()) => continue,
-                    None => {
-                        let folder = state_folder(&results, state, SAMPLES - 1, &states);
-                        let problems = Problems::open(&folder, stop)?;
-                        let rows = solves::reuse(problems, REUSE_STEPS, method, limit, stop)?;
-                        if stop.load(Ordering::Relaxed) {
-                            return Err(ReproduceError::Stopped);
-                        }
-                        if rows.is_empty() {
-                            lost.insert(method);
-                        }
-                        ledger.put(&key, &rows)?;
-                        rows
-                    }
-                };
-                results.reuse.push((method.clone(), rows));
+            Cell::Rank { state, method, row, column } => {
+                if let Some(solve) = session.solve(state, SAMPLES - 1, method, &key)? {
+                    session.results.ranks[*row][*column] = Some(solve);
+                }
             }
+            Cell::Reuse { state, method } => session.reuse(state, method, &key)?,
         }
     }
     progress(&Progress { done: total, total, label: "report".into() });
-    Ok(results)
+    Ok(session.results)
+}
+
+/// What is measured, cell by cell.
+struct Session<'a> {
+    limit: Duration,
+    states: PathBuf,
+    ledger: Ledger,
+    results: Results,
+    /// Methods that did not come back are not asked again: their threads still work, and an interruption
+    /// changes nothing.
+    lost: HashSet<String>,
+    /// The problem of the last state, so that it is made once for all methods.
+    problem: Option<(PathBuf, u64, Arc<graintrain_ccp::Ccp>)>,
+    stop: &'a Arc<AtomicBool>,
+}
+
+impl Session<'_> {
+    fn go_on(&self) -> Result<(), ReproduceError> {
+        if self.stop.load(Ordering::Relaxed) { Err(ReproduceError::Stopped) } else { Ok(()) }
+    }
+
+    fn simulate(
+        &mut self,
+        simulate: &Simulate,
+        key: &str,
+        progress: impl FnMut(u64, u64),
+    ) -> Result<(), ReproduceError> {
+        // States that somebody removed are made again, since what follows needs them.
+        let whole = |trajectory: &Trajectory| simulate.has_states(&self.states, trajectory);
+        let trajectory = match self.ledger.get::<Trajectory>(key).filter(whole) {
+            Some(trajectory) => trajectory,
+            None => {
+                let compared = simulate.seed == 1 && simulate.variant == Variant::Paper;
+                let samples = if compared { SAMPLES } else { 0 };
+                let trajectory = simulate.run(samples, &self.states, self.stop, progress)?;
+                self.ledger.put(key, &trajectory)?;
+                trajectory
+            }
+        };
+        self.results.trajectories.push((*simulate, trajectory));
+        Ok(())
+    }
+
+    /// What a method made of a sampled state; `None` of methods that are lost, and where there is no problem.
+    fn solve(
+        &mut self,
+        state: &Simulate,
+        sample: usize,
+        method: &str,
+        key: &str,
+    ) -> Result<Option<Solve>, ReproduceError> {
+        let solve = match self.ledger.get::<Solve>(key) {
+            Some(solve) => solve,
+            None if self.lost.contains(method) => return Ok(None),
+            None => {
+                let folder = state_folder(&self.results, state, sample, &self.states);
+                if self.problem.as_ref().is_none_or(|(at, ..)| *at != folder) {
+                    let posed = Problems::open(&folder, self.stop)?.advance()?;
+                    self.problem = posed.map(|(step, ccp)| (folder, step, ccp));
+                }
+                let Some((_, step, ccp)) = &self.problem else { return Ok(None) };
+                let place = (state.experiment.scene(), state.n, *step);
+                let solve = solves::measure(ccp, method, self.limit, self.stop, place)?;
+                self.go_on()?;
+                self.ledger.put(key, &solve)?;
+                solve
+            }
+        };
+        if solve.residual.is_none() {
+            self.lost.insert(method.to_string());
+        }
+        Ok(Some(solve))
+    }
+
+    fn reuse(&mut self, state: &Simulate, method: &str, key: &str) -> Result<(), ReproduceError> {
+        let rows = match self.ledger.get::<Vec<ReuseRow>>(key) {
+            Some(rows) => rows,
+            None if self.lost.contains(method) => return Ok(()),
+            None => {
+                let folder = state_folder(&self.results, state, SAMPLES - 1, &self.states);
+                let problems = Problems::open(&folder, self.stop)?;
+                let rows = solves::reuse(problems, REUSE_STEPS, method, self.limit, self.stop)?;
+                self.go_on()?;
+                self.ledger.put(key, &rows)?;
+                rows
+            }
+        };
+        if rows.is_empty() {
+            self.lost.insert(method.to_string());
+        }
+        self.results.reuse.push((method.to_string(), rows));
+        Ok(())
+    }
 }
 
 fn state_folder(results: &Results, state: &Simulate, sample: usize, states: &std::path::Path) -> PathBuf {

@@ -203,25 +203,7 @@ fn html(
             results.damaged
         );
     }
-    page.push_str(
-        "<h2>Claims</h2><table><tr><th>where</th><th>claim</th><th>verdict</th><th>measured here</th></tr>",
-    );
-    for claim in claims {
-        let class = match claim.verdict {
-            Verdict::Holds => "holds",
-            Verdict::Fails => "fails",
-            Verdict::Open => "open",
-        };
-        let _ = write!(
-            page,
-            "<tr><td>{}</td><td>{}</td><td class=\"{class}\">{}</td><td>{}</td></tr>",
-            escape(claim.place),
-            escape(&claim.statement),
-            claim.verdict.word(),
-            escape(&claim.evidence)
-        );
-    }
-    page.push_str("</table>");
+    claim_table(&mut page, claims);
     rank_tables(&mut page, results);
     solve_table(&mut page, results);
     physics_table(&mut page, results);
@@ -247,6 +229,28 @@ fn html(
     }
     page.push_str("</div></body></html>\n");
     page
+}
+
+fn claim_table(page: &mut String, claims: &[Claim]) {
+    page.push_str(
+        "<h2>Claims</h2><table><tr><th>where</th><th>claim</th><th>verdict</th><th>measured here</th></tr>",
+    );
+    for claim in claims {
+        let class = match claim.verdict {
+            Verdict::Holds => "holds",
+            Verdict::Fails => "fails",
+            Verdict::Open => "open",
+        };
+        let _ = write!(
+            page,
+            "<tr><td>{}</td><td>{}</td><td class=\"{class}\">{}</td><td>{}</td></tr>",
+            escape(claim.place),
+            escape(&claim.statement),
+            claim.verdict.word(),
+            escape(&claim.evidence)
+        );
+    }
+    page.push_str("</table>");
 }
 
 fn rank_tables(page: &mut String, results: &Results) {

@@ -131,20 +131,11 @@ pub fn check_names(asked: &[String], known: &[String]) -> Result<(), SweepError>
 /// [`SweepError::Read`] for files of a finished run that cannot be read.
 pub fn collect(folder: &Path, cells: &[Cell], from: Option<f64>) -> Result<Collected, SweepError> {
     let mut collected = Collected::default();
-    let mut note = |observable: Observable| {
-        if !collected.observables.iter().any(|known| known.name == observable.name) {
-            collected.observables.push(observable);
-        }
-    };
     let mut samples = Vec::new();
     for cell in cells {
         let run = run_folder(folder, cell);
         let summary = run.join("summary.json");
-        if !summary.exists() {
-            samples.push(None);
-            continue;
-        }
-        let summary = json(&summary)?;
+        let summary = if summary.exists() { json(&summary)? } else { serde_json::Value::Null };
         if summary["status"] != "finished" {
             samples.push(None);
             continue;
@@ -155,73 +146,92 @@ pub fn collect(folder: &Path, cells: &[Cell], from: Option<f64>) -> Result<Colle
         for Column { name, unit, meaning } in figures() {
             if let Some(value) = summary[*name].as_f64() {
                 sample.found.insert(name.to_string(), Found { value, error: f64::NAN });
-                note(Observable {
-                    name: name.to_string(),
-                    unit: unit.to_string(),
-                    meaning: meaning.to_string(),
-                });
+                let [name, unit, meaning] = [name, unit, meaning].map(|text| text.to_string());
+                collected.note(Observable { name, unit, meaning });
             }
         }
         let columns = json(&run.join("columns.json"))?;
         for (file, columns) in columns.as_object().into_iter().flatten() {
-            let Some(measure) = file.strip_prefix("measures/").and_then(|name| name.strip_suffix(".csv"))
-            else {
-                continue;
-            };
-            let text =
-                |column: &serde_json::Value, key: &str| column[key].as_str().unwrap_or_default().to_string();
-            let columns: Vec<[String; 3]> = columns
-                .as_array()
-                .into_iter()
-                .flatten()
-                .map(|column| ["name", "unit", "meaning"].map(|key| text(column, key)))
-                .collect();
+            let measure = file.strip_prefix("measures/").and_then(|name| name.strip_suffix(".csv"));
+            let columns = texts(columns);
             // Records of bins are no series in time.
-            if columns.iter().any(|[name, ..]| name == "bin") {
-                continue;
-            }
-            let path = within(&run, file)
-                .ok_or_else(|| unreadable(&run.join("columns.json"), format!("it names {file:?}")))?;
-            let table = Table::read(&path).map_err(|error| unreadable(&path, error))?;
-            if table.odd_lines > 0 || columns.iter().any(|[name, ..]| table.column(name).is_none()) {
-                let what = format!(
-                    "it is damaged: {} lines do not fit its header, or columns are missing; remove {} to make the run again",
-                    table.odd_lines,
-                    run.display()
-                );
-                return Err(unreadable(&path, what));
-            }
-            let times = table.numbers("time").unwrap_or_default();
-            for [column, unit, meaning] in columns.iter().skip(2) {
-                let series = table.numbers(column).unwrap_or_default();
-                let (series, steady) = part(&times, &series, from);
-                let name = format!("{measure}.{column}");
-                if !steady {
-                    sample.unsteady.push(name.clone());
-                }
-                let whole = table.numbers(column).unwrap_or_default();
-                let average = mean(&series);
-                let pick =
-                    |best: fn(f64, f64) -> f64| whole.iter().copied().filter(|x| x.is_finite()).reduce(best);
-                let last = whole.iter().copied().rev().find(|x| x.is_finite());
-                let single = |value: Option<f64>| Found { value: value.unwrap_or(f64::NAN), error: f64::NAN };
-                let all = [
-                    ("", "mean in time: ", Found { value: average.value, error: average.error }),
-                    (ENDINGS[0], "largest: ", single(pick(f64::max))),
-                    (ENDINGS[1], "smallest: ", single(pick(f64::min))),
-                    (ENDINGS[2], "last: ", single(last)),
-                ];
-                for (ending, what, found) in all {
-                    let name = format!("{name}{ending}");
-                    sample.found.insert(name.clone(), found);
-                    note(Observable { name, unit: unit.clone(), meaning: format!("{what}{meaning}") });
-                }
+            if let Some(measure) = measure.filter(|_| !columns.iter().any(|[name, ..]| name == "bin")) {
+                let table = table(&run, file, &columns)?;
+                collected.add(measure, &table, &columns, from, &mut sample);
             }
         }
         samples.push(Some(sample));
     }
     collected.samples = samples;
     Ok(collected)
+}
+
+/// Name, unit and meaning of the columns of a table of `columns.json`.
+fn texts(columns: &serde_json::Value) -> Vec<[String; 3]> {
+    let text = |column: &serde_json::Value, key: &str| column[key].as_str().unwrap_or_default().to_string();
+    let columns = columns.as_array().into_iter().flatten();
+    columns.map(|column| ["name", "unit", "meaning"].map(|key| text(column, key))).collect()
+}
+
+/// A table of a run with these columns.
+fn table(run: &Path, file: &str, columns: &[[String; 3]]) -> Result<Table, SweepError> {
+    let path = within(run, file)
+        .ok_or_else(|| unreadable(&run.join("columns.json"), format!("it names {file:?}")))?;
+    let table = Table::read(&path).map_err(|error| unreadable(&path, error))?;
+    if table.odd_lines > 0 || columns.iter().any(|[name, ..]| table.column(name).is_none()) {
+        let what = format!(
+            "it is damaged: {} lines do not fit its header, or columns are missing; remove {} to make the run again",
+            table.odd_lines,
+            run.display()
+        );
+        return Err(unreadable(&path, what));
+    }
+    Ok(table)
+}
+
+impl Collected {
+    /// An observable, once.
+    fn note(&mut self, observable: Observable) {
+        if !self.observables.iter().any(|known| known.name == observable.name) {
+            self.observables.push(observable);
+        }
+    }
+
+    /// What the columns of a measurement come to in a run.
+    fn add(
+        &mut self,
+        measure: &str,
+        table: &Table,
+        columns: &[[String; 3]],
+        from: Option<f64>,
+        sample: &mut Sample,
+    ) {
+        let times = table.numbers("time").unwrap_or_default();
+        for [column, unit, meaning] in columns.iter().skip(2) {
+            let whole = table.numbers(column).unwrap_or_default();
+            let (series, steady) = part(&times, &whole, from);
+            let name = format!("{measure}.{column}");
+            if !steady {
+                sample.unsteady.push(name.clone());
+            }
+            let average = mean(&series);
+            let pick =
+                |best: fn(f64, f64) -> f64| whole.iter().copied().filter(|x| x.is_finite()).reduce(best);
+            let last = whole.iter().copied().rev().find(|x| x.is_finite());
+            let single = |value: Option<f64>| Found { value: value.unwrap_or(f64::NAN), error: f64::NAN };
+            let all = [
+                ("", "mean in time: ", Found { value: average.value, error: average.error }),
+                (ENDINGS[0], "largest: ", single(pick(f64::max))),
+                (ENDINGS[1], "smallest: ", single(pick(f64::min))),
+                (ENDINGS[2], "last: ", single(last)),
+            ];
+            for (ending, what, found) in all {
+                let name = format!("{name}{ending}");
+                sample.found.insert(name.clone(), found);
+                self.note(Observable { name, unit: unit.clone(), meaning: format!("{what}{meaning}") });
+            }
+        }
+    }
 }
 
 /// The finite records of the part of a series that means are over, and whether it is steady (or was chosen).

@@ -109,93 +109,10 @@ fn evaluate(model: &str, names: &[&str], constants: &[f64], x: f64) -> Result<f6
 /// [`SweepError::Plan`] for a model that is none, fewer points than constants, or constants that the points
 /// do not determine.
 pub fn fit(model: &str, start: &[(String, f64)], points: &[Point]) -> Result<Fit, SweepError> {
-    let names: Vec<&str> = start.iter().map(|(name, _)| name.as_str()).collect();
-    let count = names.len();
-    if let Some(k) = (0..count).find(|k| names[..*k].contains(&names[*k])) {
-        return Err(wrong(format!("the constant `{}` is given twice", names[k])));
-    }
-    if count == 0 {
-        return Err(wrong("a model needs a constant with a value to start from"));
-    }
-    if points.len() < count {
-        let have = points.len();
-        return Err(wrong(format!(
-            "{have} points with a result cannot determine {count} constants: make more runs, or fix constants in the model"
-        )));
-    }
-    if let Some(point) = points.iter().find(|point| !(point.x.is_finite() && point.y.is_finite())) {
-        return Err(wrong(format!("the point x = {}, y = {} is not finite", point.x, point.y)));
-    }
-    let first: Vec<f64> = start.iter().map(|(_, value)| *value).collect();
-    for point in points {
-        if !evaluate(model, &names, &first, point.x)?.is_finite() {
-            let place =
-                format!("the model is not finite at x = {} with the constants to start from", point.x);
-            return Err(wrong(format!("{place}: choose others")));
-        }
-    }
-    let weighted = points.iter().all(|point| point.error > 0.0 && point.error.is_finite());
-    let weight = |point: &Point| if weighted { 1.0 / point.error } else { 1.0 };
-    let residuals = |constants: &[f64]| -> Result<Vec<f64>, SweepError> {
-        let one =
-            |point: &Point| Ok(weight(point) * (point.y - evaluate(model, &names, constants, point.x)?));
-        points.iter().map(one).collect()
-    };
-    let square = |list: &[f64]| list.iter().map(|x| x * x).sum::<f64>();
-    let mut constants = first;
-    let mut now = residuals(&constants)?;
-    let slopes = |constants: &[f64]| -> Result<Vec<Vec<f64>>, SweepError> {
-        (0..count)
-            .map(|k| {
-                let mut step = DIFFERENCE * constants[k].abs().max(1e-9);
-                let at = |sign: f64, step: f64| {
-                    let mut moved = constants.to_vec();
-                    moved[k] += sign * step;
-                    residuals(&moved)
-                };
-                let (mut more, mut less) = (at(1.0, step)?, at(-1.0, step)?);
-                // A constant that starts from zero says nothing about its size: a step that rounding swallows
-                // is enlarged.
-                let is_lost = |more: &[f64], less: &[f64]| {
-                    let least = DIFFERENCE * more.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-                    more.iter().zip(less).all(|(a, b)| (a - b).abs() <= 1e-3 * least)
-                };
-                while constants[k].abs() < 1e-9 && step < 1e9 && is_lost(&more, &less) {
-                    step *= 10.0;
-                    (more, less) = (at(1.0, step)?, at(-1.0, step)?);
-                }
-                Ok(more.iter().zip(&less).map(|(a, b)| (b - a) / (2.0 * step)).collect())
-            })
-            .collect()
-    };
-    let normal = |slopes: &[Vec<f64>], damping: f64| -> Vec<Vec<f64>> {
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let entry =
-            |i: usize, j: usize| dot(&slopes[i], &slopes[j]) * if i == j { 1.0 + damping } else { 1.0 };
-        (0..count).map(|i| (0..count).map(|j| entry(i, j)).collect()).collect()
-    };
-    let mut damping = 1e-3;
-    for _ in 0..STEPS {
-        let slopes = slopes(&constants)?;
-        let right = slopes.iter().map(|slope| slope.iter().zip(&now).map(|(a, b)| a * b).sum()).collect();
-        let Some(change) = solve(normal(&slopes, damping), right) else { break };
-        let tried: Vec<f64> = constants.iter().zip(&change).map(|(a, b)| a + b).collect();
-        let then = residuals(&tried)?;
-        if square(&then) <= square(&now) {
-            let is_done = change.iter().zip(&tried).all(|(d, c)| d.abs() <= 1e-12 * c.abs().max(1e-300));
-            (constants, now) = (tried, then);
-            damping *= 0.2;
-            if is_done {
-                break;
-            }
-        } else {
-            damping *= 5.0;
-            if damping > 1e12 {
-                break;
-            }
-        }
-    }
-    let slopes = slopes(&constants)?;
+    let problem = Problem::new(model, start, points)?;
+    let (constants, now) = problem.fitted(start.iter().map(|(_, value)| *value).collect())?;
+    let (names, count, weighted) = (&problem.names, problem.names.len(), problem.weighted);
+    let slopes = problem.slopes(&constants)?;
     if let Some(k) = (0..count).find(|k| slopes[*k].iter().all(|slope| *slope == 0.0)) {
         let name = names[k];
         return Err(wrong(format!(
@@ -217,12 +134,125 @@ pub fn fit(model: &str, start: &[(String, f64)], points: &[Point]) -> Result<Fit
             error: (column[k] * factor).sqrt(),
         });
     }
-    let plain = points.iter().zip(&now).map(|(point, r)| (r / weight(point)).powi(2)).sum::<f64>();
+    let plain = points.iter().zip(&now).map(|(point, r)| (r / problem.weight(point)).powi(2)).sum::<f64>();
     Ok(Fit {
         constants: fitted,
         residual: (plain / points.len() as f64).sqrt(),
         chi_square: if weighted { scatter } else { f64::NAN },
     })
+}
+
+/// What is fitted.
+struct Problem<'a> {
+    model: &'a str,
+    names: Vec<&'a str>,
+    points: &'a [Point],
+    /// Whether all points have an error.
+    weighted: bool,
+}
+
+impl<'a> Problem<'a> {
+    fn new(model: &'a str, start: &'a [(String, f64)], points: &'a [Point]) -> Result<Self, SweepError> {
+        let names: Vec<&str> = start.iter().map(|(name, _)| name.as_str()).collect();
+        let count = names.len();
+        if let Some(k) = (0..count).find(|k| names[..*k].contains(&names[*k])) {
+            return Err(wrong(format!("the constant `{}` is given twice", names[k])));
+        }
+        if count == 0 {
+            return Err(wrong("a model needs a constant with a value to start from"));
+        }
+        if points.len() < count {
+            let have = points.len();
+            return Err(wrong(format!(
+                "{have} points with a result cannot determine {count} constants: make more runs, or fix constants in the model"
+            )));
+        }
+        if let Some(point) = points.iter().find(|point| !(point.x.is_finite() && point.y.is_finite())) {
+            return Err(wrong(format!("the point x = {}, y = {} is not finite", point.x, point.y)));
+        }
+        let first: Vec<f64> = start.iter().map(|(_, value)| *value).collect();
+        for point in points {
+            if !evaluate(model, &names, &first, point.x)?.is_finite() {
+                let place =
+                    format!("the model is not finite at x = {} with the constants to start from", point.x);
+                return Err(wrong(format!("{place}: choose others")));
+            }
+        }
+        let weighted = points.iter().all(|point| point.error > 0.0 && point.error.is_finite());
+        Ok(Self { model, names, points, weighted })
+    }
+
+    fn weight(&self, point: &Point) -> f64 {
+        if self.weighted { 1.0 / point.error } else { 1.0 }
+    }
+
+    fn residuals(&self, constants: &[f64]) -> Result<Vec<f64>, SweepError> {
+        let value = |x: f64| evaluate(self.model, &self.names, constants, x);
+        self.points.iter().map(|point| Ok(self.weight(point) * (point.y - value(point.x)?))).collect()
+    }
+
+    /// Derivatives of the model at the points by each constant, weighted.
+    fn slopes(&self, constants: &[f64]) -> Result<Vec<Vec<f64>>, SweepError> {
+        let slope = |k: usize| {
+            let mut step = DIFFERENCE * constants[k].abs().max(1e-9);
+            let at = |sign: f64, step: f64| {
+                let mut moved = constants.to_vec();
+                moved[k] += sign * step;
+                self.residuals(&moved)
+            };
+            let (mut more, mut less) = (at(1.0, step)?, at(-1.0, step)?);
+            // A constant that starts from zero says nothing about its size: a step that rounding swallows is
+            // enlarged.
+            let is_lost = |more: &[f64], less: &[f64]| {
+                let least = DIFFERENCE * more.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+                more.iter().zip(less).all(|(a, b)| (a - b).abs() <= 1e-3 * least)
+            };
+            while constants[k].abs() < 1e-9 && step < 1e9 && is_lost(&more, &less) {
+                step *= 10.0;
+                (more, less) = (at(1.0, step)?, at(-1.0, step)?);
+            }
+            Ok(more.iter().zip(&less).map(|(a, b)| (b - a) / (2.0 * step)).collect())
+        };
+        (0..constants.len()).map(slope).collect()
+    }
+
+    /// The constants with the least squares that are found from these, and their residuals.
+    fn fitted(&self, mut constants: Vec<f64>) -> Result<(Vec<f64>, Vec<f64>), SweepError> {
+        let mut now = self.residuals(&constants)?;
+        let mut damping = 1e-3;
+        for _ in 0..STEPS {
+            let slopes = self.slopes(&constants)?;
+            let right = slopes.iter().map(|slope| slope.iter().zip(&now).map(|(a, b)| a * b).sum()).collect();
+            let Some(change) = solve(normal(&slopes, damping), right) else { break };
+            let tried: Vec<f64> = constants.iter().zip(&change).map(|(a, b)| a + b).collect();
+            let then = self.residuals(&tried)?;
+            if square(&then) <= square(&now) {
+                let is_done = change.iter().zip(&tried).all(|(d, c)| d.abs() <= 1e-12 * c.abs().max(1e-300));
+                (constants, now) = (tried, then);
+                damping *= 0.2;
+                if is_done {
+                    break;
+                }
+            } else {
+                damping *= 5.0;
+                if damping > 1e12 {
+                    break;
+                }
+            }
+        }
+        Ok((constants, now))
+    }
+}
+
+fn square(list: &[f64]) -> f64 {
+    list.iter().map(|x| x * x).sum()
+}
+
+/// J^T W J of these slopes, its diagonal times 1 + damping.
+fn normal(slopes: &[Vec<f64>], damping: f64) -> Vec<Vec<f64>> {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let entry = |i: usize, j: usize| dot(&slopes[i], &slopes[j]) * if i == j { 1.0 + damping } else { 1.0 };
+    (0..slopes.len()).map(|i| (0..slopes.len()).map(|j| entry(i, j)).collect()).collect()
 }
 
 /// A small linear system by elimination with pivots, after its rows and columns are scaled; `None` where it

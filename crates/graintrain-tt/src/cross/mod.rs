@@ -33,7 +33,7 @@ use crate::scale::share_power;
 use crate::sparse::QuadtreeMatrix;
 use crate::vector::check_index;
 use crate::{Stop, Truncation, TtError, TtMatrix, TtVector};
-use confirmation::{Confirmation, Verdict};
+use confirmation::{Confirmation, Evidence, Verdict};
 pub use points::{ends_of_modes, sub_grid};
 use serde::{Deserialize, Serialize};
 use source::Memory;
@@ -181,116 +181,17 @@ pub fn cross_within(
     settings: &CrossSettings,
     stop: Stop<'_>,
 ) -> Result<(TtVector, CrossReport), TtError> {
-    Truncation::capped(settings.tolerance, settings.max_rank).check()?;
-    let modes = source.modes();
-    let zero = TtVector::constant(&modes, 0.0)?;
-    let d = modes.len();
-    for (what, value) in [("samples", settings.samples), ("kick_rank", settings.kick_rank)] {
-        if value > MOST_SAMPLES {
-            return Err(TtError::Setting { what, need: "at most 2^24", got: value as f64 });
-        }
-    }
-    if !probes.len().is_multiple_of(d) {
-        return Err(TtError::Shape {
-            what: "indices per probe",
-            expected: vec![d],
-            got: vec![probes.len() % d],
-        });
-    }
-    probes.chunks_exact(d).try_for_each(|probe| check_index(&modes, probe))?;
-    let start = match start {
-        Some(start) => {
-            zero.check_same_modes(start)?;
-            start.clone()
-        }
-        None => TtVector::random(&modes, 2, settings.seed)?,
-    };
+    let start = checked(&source.modes(), start, probes, settings)?;
     let source = Memory::new(source);
     let mut confirmation = Confirmation::new(&source, probes, settings)?;
-    let mut state =
-        State::new(&source, &start, settings, Random::new(settings.seed ^ 0x5EED), confirmation.exponent)?;
-    let mut history: Vec<f64> = Vec::new();
-    let mut errors: Vec<f64> = Vec::new();
-    let mut status = CrossStatus::SweepLimit;
-    let mut capped = false;
-    let mut confirmed = None;
-    while history.len() < settings.max_sweeps.max(2) {
-        // The last sweep allowed does not enrich, so that the ranks obey the cap.
-        let enrich = history.len() + 1 < settings.max_sweeps.max(2);
-        let outcome = state.sweep(settings, enrich, stop)?;
-        history.push(outcome.change);
-        capped = outcome.capped;
-        let train = state.train();
-        if state.heaviest == 0.0 && confirmation.has_seen_zeros_only() {
-            // More points before giving up; what is not zero there becomes a pivot.
-            let sample = confirmation.fresh(state.evaluations, |_| Vec::new());
-            let verdict = confirmation.verdict(&train, &sample, state.heaviest)?;
-            if verdict.nonzeros == 0 || !enrich {
-                status = CrossStatus::ZeroSampled;
-                break;
-            }
-            state.add_pivots(&verdict.worst);
-            continue;
-        }
-        let mut verdict = confirmation.guide(&train)?;
-        if outcome.change <= settings.tolerance && verdict.meets(settings.tolerance) {
-            // Quiet on the guide: fresh points decide.
-            let mut sample = confirmation.fresh(state.evaluations, |count| state.near_pivots(count));
-            verdict = confirmation.verdict(&train, &sample, state.heaviest)?;
-            if verdict.meets(settings.tolerance) && verdict.proves_little() {
-                let enlarged;
-                (sample, enlarged) = confirmation.more(sample, &verdict, state.evaluations);
-                if enlarged {
-                    verdict = confirmation.verdict(&train, &sample, state.heaviest)?;
-                }
-            }
-            if verdict.meets(settings.tolerance) {
-                status = CrossStatus::Converged;
-                confirmed = Some((train, verdict, sample));
-                break;
-            }
-        }
-        errors.push(verdict.error().unwrap_or(outcome.change));
-        if stagnates(&errors, capped) {
-            status = if capped { CrossStatus::RankCapped } else { CrossStatus::Stagnated };
-            break;
-        }
-        // Points with the largest error become pivots of the residual.
-        state.add_pivots(&verdict.worst);
-    }
+    let random = Random::new(settings.seed ^ 0x5EED);
+    let mut state = State::new(&source, &start, settings, random, confirmation.exponent)?;
+    let Sweeps { status, mut capped, history, confirmed } =
+        sweeps(&mut state, &mut confirmation, settings, stop)?;
     if status != CrossStatus::ZeroSampled && state.enriched {
         capped |= state.sweep(settings, false, stop)?.capped;
     }
-    let mut train = state.train();
-    let verdict = match confirmed {
-        Some((longer, before, sample)) => {
-            let after = confirmation.verdict(&train, &sample, state.heaviest)?;
-            if !after.meets(settings.tolerance) && longer.max_rank() <= settings.max_rank {
-                // Shortening cost more than the tolerance: keep the longer train.
-                train = longer;
-                before
-            } else {
-                after
-            }
-        }
-        None => {
-            let sample = confirmation.fresh(state.evaluations, |count| state.near_pivots(count));
-            confirmation.verdict(&train, &sample, state.heaviest)?
-        }
-    };
-    let missed = verdict.error().is_none_or(|error| error > settings.tolerance);
-    let (mut train, verdict) = match missed.then(|| confirmation.all_entries(state.evaluations)).flatten() {
-        Some(all) => {
-            // As many entries as there are have been read and the sweeps did not get there: all of them,
-            // then, and their TT-SVD.
-            let truncation = Truncation::capped(0.9 * settings.tolerance, settings.max_rank);
-            let (whole, _) = TtVector::from_full(&all.random.values, &modes, &truncation)?;
-            let better = confirmation.verdict(&whole, &all, state.heaviest)?;
-            let is_better = better.error().is_some_and(|b| verdict.error().is_none_or(|error| b < error));
-            if is_better { (whole, better) } else { (train, verdict) }
-        }
-        None => (train, verdict),
-    };
+    let (mut train, verdict) = measured(&mut state, &mut confirmation, settings, confirmed)?;
     let status = claim(status, &verdict, capped, settings.tolerance);
     let floor = train.rounding_floor()?;
     share_power(&mut train.cores, i64::from(confirmation.exponent));
@@ -310,6 +211,142 @@ pub fn cross_within(
         ranks: train.ranks(),
     };
     Ok((train, report))
+}
+
+/// The start, once everything fits together.
+fn checked(
+    modes: &[usize],
+    start: Option<&TtVector>,
+    probes: &[usize],
+    settings: &CrossSettings,
+) -> Result<TtVector, TtError> {
+    Truncation::capped(settings.tolerance, settings.max_rank).check()?;
+    let zero = TtVector::constant(modes, 0.0)?;
+    let d = modes.len();
+    for (what, value) in [("samples", settings.samples), ("kick_rank", settings.kick_rank)] {
+        if value > MOST_SAMPLES {
+            return Err(TtError::Setting { what, need: "at most 2^24", got: value as f64 });
+        }
+    }
+    if !probes.len().is_multiple_of(d) {
+        return Err(TtError::Shape {
+            what: "indices per probe",
+            expected: vec![d],
+            got: vec![probes.len() % d],
+        });
+    }
+    probes.chunks_exact(d).try_for_each(|probe| check_index(modes, probe))?;
+    match start {
+        Some(start) => {
+            zero.check_same_modes(start)?;
+            Ok(start.clone())
+        }
+        None => TtVector::random(modes, 2, settings.seed),
+    }
+}
+
+/// How the sweeps ended.
+struct Sweeps {
+    status: CrossStatus,
+    /// Whether the cap on the ranks cost accuracy.
+    capped: bool,
+    history: Vec<f64>,
+    /// A train that fresh points confirmed, and what they said of it.
+    confirmed: Option<(TtVector, Verdict, Evidence)>,
+}
+
+/// Sweeps until fresh points confirm a train, or nothing gets better.
+fn sweeps(
+    state: &mut State<'_>,
+    confirmation: &mut Confirmation<'_>,
+    settings: &CrossSettings,
+    stop: Stop<'_>,
+) -> Result<Sweeps, TtError> {
+    let mut errors: Vec<f64> = Vec::new();
+    let mut found =
+        Sweeps { status: CrossStatus::SweepLimit, capped: false, history: Vec::new(), confirmed: None };
+    while found.history.len() < settings.max_sweeps.max(2) {
+        // The last sweep allowed does not enrich, so that the ranks obey the cap.
+        let enrich = found.history.len() + 1 < settings.max_sweeps.max(2);
+        let outcome = state.sweep(settings, enrich, stop)?;
+        found.history.push(outcome.change);
+        found.capped = outcome.capped;
+        let train = state.train();
+        if state.heaviest == 0.0 && confirmation.has_seen_zeros_only() {
+            // More points before giving up; what is not zero there becomes a pivot.
+            let sample = confirmation.fresh(state.evaluations, |_| Vec::new());
+            let verdict = confirmation.verdict(&train, &sample, state.heaviest)?;
+            if verdict.nonzeros == 0 || !enrich {
+                found.status = CrossStatus::ZeroSampled;
+                break;
+            }
+            state.add_pivots(&verdict.worst);
+            continue;
+        }
+        let mut verdict = confirmation.guide(&train)?;
+        if outcome.change <= settings.tolerance && verdict.meets(settings.tolerance) {
+            // Quiet on the guide: fresh points decide.
+            let mut sample = confirmation.fresh(state.evaluations, |count| state.near_pivots(count));
+            verdict = confirmation.verdict(&train, &sample, state.heaviest)?;
+            if verdict.meets(settings.tolerance) && verdict.proves_little() {
+                let enlarged;
+                (sample, enlarged) = confirmation.more(sample, &verdict, state.evaluations);
+                if enlarged {
+                    verdict = confirmation.verdict(&train, &sample, state.heaviest)?;
+                }
+            }
+            if verdict.meets(settings.tolerance) {
+                found.status = CrossStatus::Converged;
+                found.confirmed = Some((train, verdict, sample));
+                break;
+            }
+        }
+        errors.push(verdict.error().unwrap_or(outcome.change));
+        if stagnates(&errors, found.capped) {
+            found.status = if found.capped { CrossStatus::RankCapped } else { CrossStatus::Stagnated };
+            break;
+        }
+        // Points with the largest error become pivots of the residual.
+        state.add_pivots(&verdict.worst);
+    }
+    Ok(found)
+}
+
+/// The train of the last sweep, or a better one that is known, and what fresh points say of it.
+fn measured(
+    state: &mut State<'_>,
+    confirmation: &mut Confirmation<'_>,
+    settings: &CrossSettings,
+    confirmed: Option<(TtVector, Verdict, Evidence)>,
+) -> Result<(TtVector, Verdict), TtError> {
+    let mut train = state.train();
+    let verdict = match confirmed {
+        Some((longer, before, sample)) => {
+            let after = confirmation.verdict(&train, &sample, state.heaviest)?;
+            if !after.meets(settings.tolerance) && longer.max_rank() <= settings.max_rank {
+                // Shortening cost more than the tolerance: keep the longer train.
+                train = longer;
+                before
+            } else {
+                after
+            }
+        }
+        None => {
+            let sample = confirmation.fresh(state.evaluations, |count| state.near_pivots(count));
+            confirmation.verdict(&train, &sample, state.heaviest)?
+        }
+    };
+    let missed = verdict.error().is_none_or(|error| error > settings.tolerance);
+    let Some(all) = missed.then(|| confirmation.all_entries(state.evaluations)).flatten() else {
+        return Ok((train, verdict));
+    };
+    // As many entries as there are have been read and the sweeps did not get there: all of them, then, and
+    // their TT-SVD.
+    let truncation = Truncation::capped(0.9 * settings.tolerance, settings.max_rank);
+    let (whole, _) = TtVector::from_full(&all.random.values, &train.modes(), &truncation)?;
+    let better = confirmation.verdict(&whole, &all, state.heaviest)?;
+    let is_better = better.error().is_some_and(|b| verdict.error().is_none_or(|error| b < error));
+    Ok(if is_better { (whole, better) } else { (train, verdict) })
 }
 
 /// What may be said: the claim is what fresh points say about the train that is returned, however the sweeps

@@ -9,7 +9,7 @@
 
 use super::{Best, SolveStatus, measured_residual};
 use crate::scale::share_power;
-use crate::{Measured, Stop, Truncation, TtError, TtMatrix, TtVector};
+use crate::{Measured, Stop, Truncation, TruncationReport, TtError, TtMatrix, TtVector};
 use graintrain_linalg::dense::Matrix;
 use serde::{Deserialize, Serialize};
 
@@ -167,27 +167,9 @@ pub fn gmres_within(
         }
         let mut sum: Vec<(f64, &TtVector)> = vec![(1.0, &best.x)];
         sum.extend(terms.iter().map(|(weight, term)| (*weight, term)));
-        let mut fine = STEP_SHARE * settings.tolerance;
-        let mut next = TtVector::sum_rounded(&sum, &Truncation::capped(fine, settings.max_rank))?;
-        loop {
-            let found = measured_residual(a, &next.0, y, &spectators)?.value;
-            // (The roundings of x are seen through A: a tenfold finer one tells whether they matter.)
-            if found <= settings.tolerance || fine <= FINEST || next.1.capped {
-                break;
-            }
-            fine = (0.1 * fine).max(FINEST);
-            let finer = TtVector::sum_rounded(&sum, &Truncation::capped(fine, settings.max_rank))?;
-            let gained = measured_residual(a, &finer.0, y, &spectators)?.value;
-            let pays = gained < 0.9 * found;
-            if gained < found {
-                next = finer;
-            }
-            if !pays {
-                break;
-            }
-        }
-        state.capped |= next.1.capped;
-        best.offer(next.0)?;
+        let (next, report) = rounded(&sum, settings, |x| Ok(measured_residual(a, x, y, &spectators)?.value))?;
+        state.capped |= report.capped;
+        best.offer(next)?;
         history.push(best.residual);
         if best.residual > LEAST_GAIN * before {
             status = if state.capped { SolveStatus::RankCapped } else { SolveStatus::Stagnated };
@@ -206,6 +188,33 @@ pub fn gmres_within(
     let x = shared(&x, p - q);
     let (iterations, largest_rank, ranks) = (state.iterations, state.largest_rank, x.ranks());
     Ok((x, GmresReport { status, residual: value, floor, iterations, history, largest_rank, ranks }))
+}
+
+/// A sum, rounded as finely as its residual asks for.
+fn rounded(
+    sum: &[(f64, &TtVector)],
+    settings: &GmresSettings,
+    residual: impl Fn(&TtVector) -> Result<f64, TtError>,
+) -> Result<(TtVector, TruncationReport), TtError> {
+    let mut fine = STEP_SHARE * settings.tolerance;
+    let mut next = TtVector::sum_rounded(sum, &Truncation::capped(fine, settings.max_rank))?;
+    loop {
+        let found = residual(&next.0)?;
+        // (The roundings of x are seen through A: a tenfold finer one tells whether they matter.)
+        if found <= settings.tolerance || fine <= FINEST || next.1.capped {
+            return Ok(next);
+        }
+        fine = (0.1 * fine).max(FINEST);
+        let finer = TtVector::sum_rounded(sum, &Truncation::capped(fine, settings.max_rank))?;
+        let gained = residual(&finer.0)?;
+        let pays = gained < 0.9 * found;
+        if gained < found {
+            next = finer;
+        }
+        if !pays {
+            return Ok(next);
+        }
+    }
 }
 
 /// 2^power x.

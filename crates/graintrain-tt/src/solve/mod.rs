@@ -276,18 +276,6 @@ fn solve_block(
             start
         }
     };
-    let blocks = |train: &TtVector| -> Vec<BlockCore> {
-        let cores = train.cores.iter().zip(&a.rows).zip(spectators);
-        cores
-            .map(|((core, &n), &s)| BlockCore {
-                left: core.left,
-                n,
-                s,
-                right: core.right,
-                data: core.data.clone(),
-            })
-            .collect()
-    };
     let operators = (0..a.num_cores())
         .map(|k| {
             let core = &a.cores()[k];
@@ -300,8 +288,56 @@ fn solve_block(
     } else {
         start
     };
-    let mut sweeper = Sweeper::new(operators, blocks(y), blocks(&start), symmetric, settings);
+    let mut sweeper = Sweeper::new(
+        operators,
+        blocks(y, (&a.rows, spectators)),
+        blocks(&start, (&a.rows, spectators)),
+        symmetric,
+        settings,
+    );
     let mut best = Best::new(a, y, spectators);
+    let (ended, history) = sweeps(&mut sweeper, &mut best, settings, stop)?;
+    if best.residual > settings.tolerance {
+        // What the sweeps began with may be better than what they made of it; so may nothing at all.
+        best.offer(start)?;
+        best.offer_zero();
+    }
+    let Best { mut x, .. } = best;
+    let Measured { value: residual, floor } = measured_residual(a, &x, y, spectators)?;
+    share_power(&mut x.cores, exponent);
+    let status = if residual <= settings.tolerance {
+        SolveStatus::Converged
+    } else if ended == SolveStatus::Converged {
+        SolveStatus::Stagnated
+    } else {
+        ended
+    };
+    let ranks = x.ranks();
+    Ok((x, SolveReport { status, residual, floor, sweeps: history.len(), history, ranks }))
+}
+
+/// The cores with their modes split into those of the rows of A and those that it does not act on.
+fn blocks(train: &TtVector, (rows, spectators): (&[usize], &[usize])) -> Vec<BlockCore> {
+    let cores = train.cores.iter().zip(rows).zip(spectators);
+    cores
+        .map(|((core, &n), &s)| BlockCore {
+            left: core.left,
+            n,
+            s,
+            right: core.right,
+            data: core.data.clone(),
+        })
+        .collect()
+}
+
+/// Sweeps until the residual itself reaches the tolerance, or nothing gets better: how they ended and their
+/// local residuals.
+fn sweeps(
+    sweeper: &mut Sweeper,
+    best: &mut Best<'_>,
+    settings: &SolveSettings,
+    stop: Stop<'_>,
+) -> Result<(SolveStatus, Vec<f64>), TtError> {
     let mut history = Vec::new();
     let mut ended;
     let mut inner = *settings;
@@ -348,23 +384,7 @@ fn solve_block(
         }
         inner.tolerance *= 0.2;
     }
-    if best.residual > settings.tolerance {
-        // What the sweeps began with may be better than what they made of it; so may nothing at all.
-        best.offer(start)?;
-        best.offer_zero();
-    }
-    let Best { mut x, .. } = best;
-    let Measured { value: residual, floor } = measured_residual(a, &x, y, spectators)?;
-    share_power(&mut x.cores, exponent);
-    let status = if residual <= settings.tolerance {
-        SolveStatus::Converged
-    } else if ended == SolveStatus::Converged {
-        SolveStatus::Stagnated
-    } else {
-        ended
-    };
-    let ranks = x.ranks();
-    Ok((x, SolveReport { status, residual, floor, sweeps: history.len(), history, ranks }))
+    Ok((ended, history))
 }
 
 /// The iterate with the smallest residual so far.
