@@ -31,7 +31,7 @@ pub struct SteppingOptions {
     /// End with exit code 1 at the first step whose solve does not reach its tolerance
     #[arg(long)]
     pub strict: bool,
-    /// Stop in good order after so many seconds of wall clock, with exit code 3: the step under way is
+    /// Stop after so many seconds of wall clock, with exit code 3: the step under way is
     /// dropped, a checkpoint is written, `graintrain resume DIR` goes on
     #[arg(long, value_name = "SECONDS", value_parser = scene::seconds)]
     pub max_seconds: Option<f64>,
@@ -39,11 +39,10 @@ pub struct SteppingOptions {
     /// http://127.0.0.1:PORT/ (any free port where none is given), for this machine alone
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0")]
     pub live: Option<u16>,
-    /// Tell at the end all figures of the run that `summary.json` has for people: residuals, errors, stages,
-    /// streams, phases
+    /// Print at the end the numbers of `summary.json`: residuals, errors, stages, streams, phases
     #[arg(long)]
     pub details: bool,
-    /// Tell at the end what the phases of the steps took: wall clock, processor time and, with several
+    /// Print at the end what the phases of the steps took: wall clock, processor time and, with several
     /// threads, how much of it one of them spent alone
     #[arg(long)]
     pub timings: bool,

@@ -242,7 +242,7 @@ impl Made {
         let unsteady = samples().filter(is_unsteady).count();
         if unsteady > 0 && !self.quiet {
             tell!(
-                "note: in {unsteady} of {runs} runs a mean above is over records that are not known to be steady; the errors do not tell of that"
+                "note: in {unsteady} of {runs} runs a mean above is over records that are not known to be steady; its error does not include that"
             );
         }
     }

@@ -188,7 +188,7 @@ quantities! {
         contacts_added_after_solve: u64 = sum;
     contacts_missed: "1", "pairs of bodies that passed into or through each other without a contact", |r| r.contacts_missed as u64;
         contacts_missed: u64 = sum, contacts_missed_first_step: Option<u64> = first;
-    contacts_apart: "1", "contacts that pressed (impacts aside) though their bodies were never nearer in the step than a twentieth of the smaller one's size", |r| r.contacts_apart as u64;
+    contacts_apart: "1", "contacts with force (impacts aside) whose bodies stayed farther apart in the step than a twentieth of the smaller size", |r| r.contacts_apart as u64;
         contacts_apart: u64 = sum;
     impulse_apart: "N s", "largest impulse of a contact apart", |r| r.impulse_apart_max;
         impulse_apart_max: f64 = max;
@@ -197,7 +197,7 @@ quantities! {
         penetration_max_over_radius: f64 = max, penetration_final_over_radius: f64 = last;
     overlap_corrected: "m", "largest overlap that displacements worked on", |r| r.overlap_corrected_max;
         overlap_corrected_max: f64 = max;
-    joint_opening: "m", "how far the joint that is open most is so at the end of the step", |r| r.errors.joint_opening_max;
+    joint_opening: "m", "largest opening of a joint at the end of the step", |r| r.errors.joint_opening_max;
         joint_opening_max: f64 = max;
     correction_energy: "J", "energy that displacements against overlap gave to bodies against gravity", |r| r.correction_energy;
         correction_energy: f64 = sum;

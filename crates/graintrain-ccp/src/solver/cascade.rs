@@ -342,10 +342,14 @@ impl CcpSolver for Cascade {
         let last = table.iter().rposition(|stage| !matches!(stage.task, Task::Finish | Task::Proof));
         for (place, stage) in table.iter().enumerate() {
             let gets_all = Some(place) == last || stage.most == usize::MAX;
+            let residual = course.best.residual();
+            let is_near = residual <= self.finish.above.max(settings.tolerance);
+            let is_limited = limits.iterations_left(0) != usize::MAX;
             let share = match stage.task {
-                Task::Finish if course.best.residual() <= self.finish.above.max(settings.tolerance) => 0,
+                Task::Finish if is_near => 0,
                 Task::Finish => settings.finish,
-                Task::Proof if course.best.residual() <= infeasible::GOOD_ENOUGH => 0,
+                Task::Proof if residual <= infeasible::GOOD_ENOUGH || is_limited && is_near => 0,
+                Task::Proof => course.left(&limits).max(settings.finish),
                 _ if gets_all => course.left(&limits),
                 _ => course.left(&limits).div_ceil(2),
             };

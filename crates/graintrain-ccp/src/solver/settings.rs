@@ -16,8 +16,9 @@ pub struct SolveSettings {
     /// Stop after this many iterations; `None` is the solver's own limit. Where several methods take part,
     /// they are those of projected gradients: see the [cascade](super::cascade).
     pub max_iterations: Option<usize>,
-    /// With exact friction: what the finish of a solve that ended far from the tolerance may cost beyond
-    /// `max_iterations`, in the same unit. See the [cascade](super::cascade). Default 0: none.
+    /// With exact friction: what the search for a proof that there is no solution, and the finish, of a solve
+    /// that ended far from the tolerance may cost each beyond `max_iterations`, in the same unit. See the
+    /// [cascade](super::cascade). Default 0: none.
     pub finish: usize,
     /// Stop after this time.
     pub max_time: Option<Duration>,

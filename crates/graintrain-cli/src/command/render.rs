@@ -49,7 +49,7 @@ pub struct Arguments {
     /// Make a film of all frames: .mp4, .webm, .mkv, .mov or .gif through ffmpeg, .png as an animated picture
     #[arg(long, value_name = "FILE", value_parser = film_path, conflicts_with_all = ["time", "out"])]
     film: Option<PathBuf>,
-    /// How many times as fast as things went the film plays
+    /// Speed of the film over that of the scene
     #[arg(long, value_name = "X", default_value_t = 1.0, requires = "film")]
     speed: f64,
 }

@@ -247,7 +247,7 @@ impl SceneError {
                 Some("enlarge the region, or ask for fewer or smaller bodies (random placement fills about a third)".to_string())
             }
             SceneErrorKind::Overlap { depth, .. } => Some(format!(
-                "move the bodies apart, or allow it with `contact.allowed_overlap = \"{:.2e} m\"`",
+                "move the bodies apart; `contact.relax = true` moves those of packings, `contact.allowed_overlap = \"{:.2e} m\"` allows it",
                 depth * 1.01
             )),
             SceneErrorKind::NoBodies => Some("add a [body.NAME] or a [packing.NAME]".to_string()),

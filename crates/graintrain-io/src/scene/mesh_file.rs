@@ -108,7 +108,7 @@ fn three_numbers<'a>(line: usize, mut words: impl Iterator<Item = &'a str>) -> R
 }
 
 fn text(bytes: &[u8]) -> Result<&str, FileProblem> {
-    std::str::from_utf8(bytes).map_err(|_| FileProblem::new("it is not a text file"))
+    std::str::from_utf8(bytes).map_err(|_| FileProblem::new("it is not a text file: save it as UTF-8"))
 }
 
 fn read_ascii_stl(bytes: &[u8]) -> Result<Vec<[Vec3; 3]>, FileProblem> {

@@ -164,7 +164,8 @@ impl Scene {
             SceneError::new(SceneErrorKind::UnreadableFile { path: scene.into(), reason }, None)
         };
         let bytes = std::fs::read(path).map_err(|error| unreadable(error.to_string()))?;
-        let text = String::from_utf8(bytes).map_err(|_| unreadable("it is not a text file".into()))?;
+        let text = String::from_utf8(bytes)
+            .map_err(|_| unreadable("it is not a text file: save it as UTF-8".into()))?;
         let name = path.file_stem().map_or(scene.into(), |stem| stem.to_string_lossy());
         let folder = path.parent().unwrap_or(Path::new(""));
         Self::parse(&name, scene, &text, folder, settings)

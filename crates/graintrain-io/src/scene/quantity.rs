@@ -65,8 +65,8 @@ impl Dimension {
 
     /// SI unit, e.g. `kg/m^3`; empty for plain numbers.
     pub fn unit(self) -> String {
-        if self == Self::FORCE {
-            return "N".into();
+        if let Some((_, unit)) = DERIVED.iter().find(|(dimension, _)| *dimension == self) {
+            return (*unit).into();
         }
         let symbols = ["m", "kg", "s", "rad"].into_iter().zip(self.exponents());
         let power = |symbol: &str, exponent: i8| match exponent {
@@ -107,6 +107,17 @@ impl Dimension {
         }
     }
 }
+
+/// Units that are read more easily than those that they are made of.
+const DERIVED: &[(Dimension, &str)] = &[
+    (Dimension::FORCE, "N"),
+    (Dimension::PRESSURE, "Pa"),
+    (Dimension::ENERGY, "N m"),
+    (Dimension::POWER, "W"),
+    (Dimension::new(0, 1, -2, 0), "N/m"),
+    (Dimension::new(2, 1, -2, -1), "N m/rad"),
+    (Dimension::new(2, 1, -1, -1), "N m s/rad"),
+];
 
 impl fmt::Display for Dimension {
     /// "a length (m)", "a number without unit", "a quantity (m s)".
@@ -187,6 +198,8 @@ const UNITS: &[(&str, f64, Dimension)] = &[
     ("cm", 1e-2, Dimension::LENGTH),
     ("mm", 1e-3, Dimension::LENGTH),
     ("um", 1e-6, Dimension::LENGTH),
+    ("\u{b5}m", 1e-6, Dimension::LENGTH),
+    ("\u{3bc}m", 1e-6, Dimension::LENGTH),
     ("nm", 1e-9, Dimension::LENGTH),
     ("kg", 1.0, Dimension::MASS),
     ("g", 1e-3, Dimension::MASS),

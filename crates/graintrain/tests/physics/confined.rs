@@ -1,7 +1,7 @@
 //! Bodies between surfaces that slide past each other and cannot move apart. Default solver and tolerance.
 
 use crate::support::*;
-use graintrain::ccp::FrictionModel;
+use graintrain::ccp::{FrictionModel, Status};
 use graintrain::handle::{BodyId, MaterialId};
 use graintrain::joint::Joint;
 use graintrain::math::Vec3;
@@ -94,5 +94,29 @@ fn a_layer_of_balls_between_two_plates_rolls() {
         let report = stepper.step(&mut world).unwrap();
         assert!(report.solve.converged(), "step {n}: {:?}", report.solve);
         assert!(report.penetration_max_over_size < 0.01, "step {n}: {}", report.penetration_max_over_size);
+    }
+}
+
+/// A ball between a floor and a press that comes down on it: no impulses keep them apart, and by both models
+/// the step says so, within the budget of a step.
+#[test]
+fn a_ball_under_a_press_has_no_solution() {
+    for friction in [FrictionModel::Coulomb, FrictionModel::Relaxed] {
+        let mut world = world(0.5, 0.0);
+        let fixed = world.add_motion(Motion::fixed()).unwrap();
+        let down = world.add_motion(Motion::translating(-Vec3::Z, Profile::Constant(0.1))).unwrap();
+        let plate = world.add_geometry(Geometry::cuboid(Vec3::new(1.0, 1.0, 0.05)).unwrap());
+        for (motion, z) in [(fixed, -0.05), (down, 0.15)] {
+            let place = Vec3::new(0.0, 0.0, z);
+            world.add_body(Body { motion, ..Body::new(plate, MaterialId::default(), place) }).unwrap();
+        }
+        let ball = world.add_geometry(Geometry::sphere(0.05).unwrap());
+        world.add_body(Body::new(ball, MaterialId::default(), Vec3::new(0.0, 0.0, 0.05))).unwrap();
+        let solver = SolverChoice { friction, ..SolverChoice::default() };
+        let mut stepper = Stepper::new(StepSettings { solver, ..StepSettings::default() }).unwrap();
+        for n in 0..5 {
+            let report = stepper.step(&mut world).unwrap();
+            assert_eq!(report.solve.status, Status::Infeasible, "{friction:?}, step {n}: {:?}", report.solve);
+        }
     }
 }

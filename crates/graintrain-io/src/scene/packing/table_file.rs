@@ -23,7 +23,8 @@ pub(crate) fn read(
     separator: Option<char>,
     skip_last: usize,
 ) -> Result<NumberTable, FileProblem> {
-    let text = std::str::from_utf8(bytes).map_err(|_| FileProblem::new("it is not a text file"))?;
+    let text = std::str::from_utf8(bytes)
+        .map_err(|_| FileProblem::new("it is not a text file: save it as UTF-8"))?;
     let mut lines: Vec<(usize, &str)> = text
         .trim_start_matches('\u{feff}')
         .lines()

@@ -6,7 +6,8 @@ use graintrain::math::Vec3;
 
 /// The text of a file.
 pub(super) fn text(bytes: &[u8]) -> Result<&str, FileProblem> {
-    let text = std::str::from_utf8(bytes).map_err(|_| FileProblem::new("it is not a text file"))?;
+    let text = std::str::from_utf8(bytes)
+        .map_err(|_| FileProblem::new("it is not a text file: save it as UTF-8"))?;
     Ok(text.trim_start_matches('\u{feff}'))
 }
 

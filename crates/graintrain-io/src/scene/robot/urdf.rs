@@ -87,7 +87,8 @@ pub(super) struct Robot {
 
 /// Reads a URDF file; `shapes` are the elements that have the shapes, `collision` or `visual`.
 pub(super) fn read(bytes: &[u8], shapes: &'static str) -> Result<Robot, FileProblem> {
-    let text = std::str::from_utf8(bytes).map_err(|_| FileProblem::new("it is not a text file"))?;
+    let text = std::str::from_utf8(bytes)
+        .map_err(|_| FileProblem::new("it is not a text file: save it as UTF-8"))?;
     let document = Document::parse(text).map_err(|error| {
         FileProblem::at(error.pos().row as usize, format!("it is not valid XML: {error}"))
     })?;
