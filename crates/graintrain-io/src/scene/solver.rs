@@ -19,11 +19,11 @@ table! {
         /// Whether the tolerance applies to the worst contact
         strict_max: bool = Flag, "false", "true";
         /// Limit of iterations of a connected part of the contacts in a step, in iterations of projected
-        /// gradients (default below 1 024 contacts: up to five times as many). If the limit is reached, the
+        /// gradients (default below 1 024 contacts: up to 30 000). If the limit is reached, the
         /// step uses the best impulses and counts as not converged. If these are far from a solution and no
         /// limit is given, convex problems are solved in addition, so that no bodies approach. Relaxed
         /// solves, and methods that count other iterations, have their own limits
-        max_iterations: Option<usize> = Count, "6000, more for few contacts", "2000", Positive;
+        max_iterations: Option<usize> = Count, "12000, more for few contacts", "2000", Positive;
         /// coulomb (exact) or relaxed (cone complementarity, the paper's model: a sliding contact separates
         /// by mu times its slip)
         friction: FrictionModel = Text, "\"coulomb\"", "\"relaxed\"";
