@@ -1,10 +1,10 @@
 //! What motors with a limit and stops do, and the corrections that keep bodies on the paths of their joints:
 //! round by round, until all agree.
 
-use super::{ActiveRow, Mechanisms, Role, Solution};
-use crate::joint::kinematics::{coordinate, last};
+use super::{ActiveRow, Correction, Mechanisms, Role, Row, Solution};
+use crate::joint::kinematics::{Placed, coordinate, last};
 use crate::joint::{JointState, Motor};
-use crate::math::Vec3;
+use crate::math::{Vec3, rotation_exponential};
 
 /// Corrections of the right-hand side, and changes of motors and stops, between two solves of the contacts.
 const ROUNDS: usize = 60;
@@ -20,7 +20,7 @@ const TOGETHER: usize = 8;
 const FINE: f64 = 1e-11;
 
 /// Joints that open faster than this, over the velocity scale, after all corrections are stuck.
-const STUCK: f64 = 1e-3;
+const STUCK: f64 = 1e-6;
 
 /// Forces that differ by less than this share stiffen swings alike.
 const SAME_FORCES: f64 = 0.1;
@@ -117,21 +117,27 @@ impl Mechanisms<'_> {
         (states != self.states).then_some(states)
     }
 
-    /// Takes the stiffness of swings anew where the forces of joints differ from those that it was made of:
-    /// whether it did.
+    /// Stiffens swings where joints draw harder than what they were made stiff for: whether it did. What was
+    /// stiff stays so for the step: stiffness takes forces away, and both would be found in turn for ever.
     fn restiffen(&mut self, index: usize, solution: &Solution) -> bool {
         let mechanism = &self.mechanisms[index];
+        let poses = |body: usize| self.world.pose(body);
         let forces = self.forces(mechanism, &solution.impulse);
-        let largest = |of: &mut dyn Iterator<Item = Vec3>| of.map(Vec3::length).fold(0.0, f64::max);
-        let change = largest(&mut forces.iter().zip(&mechanism.forces).map(|(new, old)| *new - *old));
-        if change <= SAME_FORCES * largest(&mut forces.iter().chain(&mechanism.forces).copied()) {
+        let pulls =
+            mechanism.joints.iter().zip(forces).zip(&mechanism.forces).map(|((&joint, new), &old)| {
+                let placed = Placed::of(&self.world.joints[joint], &poses);
+                let [by_new, by_old] = [new, old].map(|force| placed.pull(force));
+                if by_new > by_old { (new, by_new, by_new - by_old) } else { (old, by_old, 0.0) }
+            });
+        let pulls: Vec<(Vec3, f64, f64)> = pulls.collect();
+        let largest = |of: fn(&(Vec3, f64, f64)) -> f64| pulls.iter().map(of).fold(0.0, f64::max);
+        if largest(|pull| pull.2) <= SAME_FORCES * largest(|pull| pull.1) {
             return false;
         }
         let mut mechanism = std::mem::take(&mut self.mechanisms[index]);
-        let was_stiff = mechanism.is_stiff();
-        mechanism.forces = forces;
+        mechanism.forces = pulls.into_iter().map(|(force, ..)| force).collect();
         self.stiffen(&mut mechanism);
-        let changes = was_stiff || mechanism.is_stiff();
+        let changes = mechanism.is_stiff();
         if changes {
             self.arrange(&mut mechanism);
         }
@@ -144,16 +150,18 @@ impl Mechanisms<'_> {
     /// time where `one` is asked for.
     fn round(&mut self, index: usize, impulse: &[f64], accuracy: f64, correct: bool, one: bool) -> Change {
         let solution = self.solve(&self.mechanisms[index], impulse);
-        if self.restiffen(index, &solution) {
-            return Change::Rows;
-        }
         let mechanism = &self.mechanisms[index];
-        let rates = self.rates(mechanism, &solution.velocity);
+        let after = self.rows_after(mechanism, &solution.velocity);
+        let rates = self.rates_of(mechanism, &after, &solution.velocity);
         let open = |(row, &rate): (&ActiveRow, &f64)| self.opening(row, rate) > accuracy.max(row.noise);
         let is_open = mechanism.rows.iter().zip(&rates).any(open);
+        // The forces of a path that is being sought say nothing, unless nothing else is known.
+        let is_known = mechanism.forces.iter().any(|force| *force != Vec3::ZERO);
+        if !(mechanism.is_straight || is_open && is_known) && self.restiffen(index, &solution) {
+            return Change::Rows;
+        }
         if is_open && correct {
-            self.correct(index, &rates);
-            return Change::Targets;
+            return self.correct(index, &solution, (&after, &rates));
         }
         if let Some(states) = self.switched(index, &solution, one) {
             self.states = states;
@@ -162,18 +170,65 @@ impl Mechanisms<'_> {
             self.mechanisms[index] = mechanism;
             return Change::Rows;
         }
-        if is_open {
-            self.correct(index, &rates);
-            return Change::Targets;
-        }
-        Change::None
+        if is_open { self.correct(index, &solution, (&after, &rates)) } else { Change::None }
     }
 
-    /// Moves the right-hand sides by what the rates of their rows miss.
-    fn correct(&mut self, index: usize, rates: &[f64]) {
-        for (row, rate) in self.mechanisms[index].rows.iter_mut().zip(rates) {
-            row.target -= rate - row.wanted;
+    /// Moves the right-hand sides by what the rates of their rows miss, as Newton's method does: the forces
+    /// act along the rows at the start of the step, and what they change is seen by the rows at its end. A
+    /// correction that opens joints further throws light bodies across: they are made as stiff as its forces
+    /// ask for, and if they are, it is halved.
+    fn correct(
+        &mut self,
+        index: usize,
+        solution: &Solution,
+        (after, rates): (&[Option<Row>], &[f64]),
+    ) -> Change {
+        let mechanism = &mut self.mechanisms[index];
+        let corrected = mechanism.corrected.take();
+        let mechanism = &self.mechanisms[index];
+        let openings = mechanism.rows.iter().zip(rates).map(|(row, &rate)| self.opening(row, rate));
+        let open = openings.map(|opening| opening * opening).sum::<f64>();
+        let (changes, open) = match corrected {
+            Some(Correction { changes, open: least }) if open.is_nan() || open > least => {
+                self.move_targets(index, &changes, -1.0);
+                if self.restiffen(index, solution) {
+                    return Change::Rows;
+                }
+                (changes.iter().map(|change| 0.5 * change).collect(), least)
+            }
+            _ => (self.changes(index, solution, (after, rates)), open),
+        };
+        self.move_targets(index, &changes, 1.0);
+        self.mechanisms[index].corrected = Some(Correction { changes, open });
+        Change::Targets
+    }
+
+    fn move_targets(&mut self, index: usize, changes: &[f64], share: f64) {
+        for (row, change) in self.mechanisms[index].rows.iter_mut().zip(changes) {
+            row.target += share * change;
         }
+    }
+
+    /// Newton's correction of the right-hand sides.
+    fn changes(
+        &self,
+        index: usize,
+        solution: &Solution,
+        (after, rates): (&[Option<Row>], &[f64]),
+    ) -> Vec<f64> {
+        let mechanism = &self.mechanisms[index];
+        let half = |body: usize| {
+            let v = self.velocity_of(mechanism, &solution.velocity, body);
+            rotation_exponential(-0.5 * self.step * Vec3::from_slice(&v[3..]))
+        };
+        let seen = |row: Row| {
+            let seen = |(body, [linear, angular]): (usize, [Vec3; 2])| (body, [linear, half(body) * angular]);
+            Row { ends: row.ends.into_iter().map(seen).collect(), ..row }
+        };
+        let seen: Vec<Option<Row>> = after.iter().map(|row| row.clone().map(seen)).collect();
+        let missing: Vec<f64> =
+            mechanism.rows.iter().zip(rates).map(|(row, rate)| row.wanted - rate).collect();
+        mechanism.changes(&seen, &missing)
     }
 
     /// Finds what motors and stops do and how paths bend, as if contacts exerted these impulses (six numbers
@@ -181,21 +236,31 @@ impl Mechanisms<'_> {
     pub(crate) fn predict(&mut self, impulse: &[f64]) {
         let fine = FINE * self.scale;
         for index in 0..self.mechanisms.len() {
-            let (mut corrections, mut changes) = (0, 0);
-            let settled = (0..ROUNDS).any(|_| {
-                let change = self.round(index, impulse, fine, corrections < CORRECTIONS, changes >= TOGETHER);
-                match change {
-                    Change::Targets => corrections += 1,
-                    Change::Rows => (corrections, changes) = (0, changes + 1),
-                    Change::None => {}
-                }
-                change == Change::None
-            });
-            if !settled && self.is_open(index, impulse, STUCK * self.scale) {
-                // Corrections that lead nowhere, as in a linkage that is stuck, must not drive it.
-                self.mechanisms[index].rows.iter_mut().for_each(|row| row.target = row.wanted);
+            if self.settle(index, impulse, fine) {
+                continue;
+            }
+            if self.is_open(index, impulse, STUCK * self.scale) {
+                // Corrections that lead nowhere must not drive it.
+                let mechanism = &mut self.mechanisms[index];
+                mechanism.is_straight = true;
+                mechanism.rows.iter_mut().for_each(|row| row.target = row.wanted);
+                self.settle(index, impulse, fine);
             }
         }
+    }
+
+    /// Rounds of a mechanism until nothing changes: whether that came to be.
+    fn settle(&mut self, index: usize, impulse: &[f64], accuracy: f64) -> bool {
+        let (mut corrections, mut changes) = (0, 0);
+        (0..ROUNDS).any(|_| {
+            let change = self.round(index, impulse, accuracy, corrections < CORRECTIONS, changes >= TOGETHER);
+            match change {
+                Change::Targets => corrections += 1,
+                Change::Rows => (corrections, changes) = (0, changes + 1),
+                Change::None => {}
+            }
+            change == Change::None
+        })
     }
 
     /// Whether a row of a mechanism opens faster than this (m/s).
