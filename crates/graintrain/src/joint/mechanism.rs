@@ -45,6 +45,7 @@ use crate::motion::Profile;
 use crate::rotation::{Coasting, Rotor, Turn, world_inertia};
 use crate::world::World;
 use graintrain_ccp::{BodyInverseMass, CoupledBodies};
+use std::borrow::Cow;
 
 /// Roundings in the difference of two positions.
 const ROUNDING: f64 = 16.0;
@@ -632,7 +633,8 @@ impl Mechanism {
 
     /// W = Y Y^T with Y = S (motions that the rows leave free), and what damps swings.
     fn coupled(&self) -> CoupledBodies {
-        let motions: Vec<Vec<f64>> = self.elimination.free_motions();
+        let known = self.stiffening.as_ref().map(|stiffening| stiffening.motions.as_slice());
+        let motions = known.map_or_else(|| self.elimination.free_motions().into(), Cow::Borrowed);
         let degrees = motions.len();
         let mut factor = vec![0.0; 6 * self.bodies.len() * degrees];
         for (column, motion) in motions.iter().enumerate() {

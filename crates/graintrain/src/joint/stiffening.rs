@@ -40,6 +40,7 @@
 //! computation for structural dynamics", Journal of the Engineering Mechanics Division 85(3):67-94, 1959.
 
 use super::JointKind;
+use super::elimination::dot;
 use super::kinematics::{Placed, Row};
 use super::rows::{Root, row_over};
 use crate::math::{Mat3, Vec3};
@@ -122,7 +123,7 @@ impl Lower {
         for i in 0..degrees {
             for j in 0..=i {
                 let rows = [i, j].map(|k| &entries[k * degrees..k * degrees + j]);
-                let before: f64 = rows[0].iter().zip(rows[1]).map(|(a, b)| a * b).sum();
+                let before = dot(rows[0], rows[1]);
                 let rest = matrix[i * degrees + j] - before;
                 entries[i * degrees + j] =
                     if i == j { rest.max(1.0).sqrt() } else { rest / entries[j * degrees + j] };
@@ -151,8 +152,10 @@ impl Lower {
 
 /// Of symmetric matrices that commute.
 fn product(a: &[f64], b: &[f64], degrees: usize) -> Vec<f64> {
-    let row = |of: &[f64], k: usize, l: usize| of[k * degrees + l];
-    let entry = |at: usize| (0..degrees).map(|l| row(a, at / degrees, l) * row(b, at % degrees, l)).sum();
+    let entry = |at: usize| {
+        let [i, j] = [at / degrees, at % degrees].map(|k| k * degrees..(k + 1) * degrees);
+        dot(&a[i], &b[j])
+    };
     (0..a.len()).map(entry).collect()
 }
 
