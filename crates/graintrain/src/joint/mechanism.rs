@@ -111,6 +111,8 @@ struct Mechanism {
     taut: Vec<(usize, f64)>,
     /// The forces of the joints, N, that K is of.
     forces: Vec<Vec3>,
+    /// They are those of the last step.
+    is_foreseen: bool,
     rows: Vec<ActiveRow>,
     /// Known impulses of motors: joint, row of the coordinate, impulse.
     pushed: Vec<(usize, Row, f64)>,
@@ -216,7 +218,15 @@ impl<'a> Mechanisms<'a> {
                 (rotor, rotor.coast(Vec3::from_slice(&own.before[first..first + 3]), step))
             };
             let turning = bodies.iter().map(coasting).collect();
-            let mut mechanism = Mechanism { bodies, turning, bare, joints, forces, ..Mechanism::default() };
+            let mut mechanism = Mechanism {
+                bodies,
+                turning,
+                bare,
+                joints,
+                forces,
+                is_foreseen: true,
+                ..Mechanism::default()
+            };
             own.stiffen(&mut mechanism);
             own.arrange(&mut mechanism);
             own.mechanisms.push(mechanism);

@@ -117,17 +117,26 @@ impl Mechanisms<'_> {
         (states != self.states).then_some(states)
     }
 
-    /// Stiffens swings where joints draw harder than what they were made stiff for: whether it did. What was
-    /// stiff stays so for the step: stiffness takes forces away, and both would be found in turn for ever.
+    /// Stiffens swings as joints draw in this step rather than in the last one, and then where they draw
+    /// harder: whether it did. What was stiff in this step stays so: stiffness takes forces away, and both
+    /// would be found in turn for ever.
     fn restiffen(&mut self, index: usize, solution: &Solution) -> bool {
         let mechanism = &self.mechanisms[index];
         let poses = |body: usize| self.world.pose(body);
         let forces = self.forces(mechanism, &solution.impulse);
+        if forces.iter().any(|force| !force.is_finite()) {
+            return false;
+        }
+        let foreseen = mechanism.is_foreseen;
         let pulls =
             mechanism.joints.iter().zip(forces).zip(&mechanism.forces).map(|((&joint, new), &old)| {
                 let placed = Placed::of(&self.world.joints[joint], &poses);
                 let [by_new, by_old] = [new, old].map(|force| placed.pull(force));
-                if by_new > by_old { (new, by_new, by_new - by_old) } else { (old, by_old, 0.0) }
+                if foreseen || by_new > by_old {
+                    (new, by_new.max(by_old), (by_new - by_old).abs())
+                } else {
+                    (old, by_old, 0.0)
+                }
             });
         let pulls: Vec<(Vec3, f64, f64)> = pulls.collect();
         let largest = |of: fn(&(Vec3, f64, f64)) -> f64| pulls.iter().map(of).fold(0.0, f64::max);
@@ -135,9 +144,11 @@ impl Mechanisms<'_> {
             return false;
         }
         let mut mechanism = std::mem::take(&mut self.mechanisms[index]);
+        let was_stiff = mechanism.is_stiff();
+        mechanism.is_foreseen = false;
         mechanism.forces = pulls.into_iter().map(|(force, ..)| force).collect();
         self.stiffen(&mut mechanism);
-        let changes = mechanism.is_stiff();
+        let changes = was_stiff || mechanism.is_stiff();
         if changes {
             self.arrange(&mut mechanism);
         }
@@ -251,6 +262,8 @@ impl Mechanisms<'_> {
 
     /// Rounds of a mechanism until nothing changes: whether that came to be.
     fn settle(&mut self, index: usize, impulse: &[f64], accuracy: f64) -> bool {
+        // What was corrected under other impulses says nothing here.
+        self.mechanisms[index].corrected = None;
         let (mut corrections, mut changes) = (0, 0);
         (0..ROUNDS).any(|_| {
             let change = self.round(index, impulse, accuracy, corrections < CORRECTIONS, changes >= TOGETHER);
@@ -276,7 +289,9 @@ impl Mechanisms<'_> {
     /// these impulses; else [`Self::predict`] with them, and the contact problem again.
     pub(crate) fn agree(&mut self, impulse: &[f64], tolerance: f64) -> bool {
         let accuracy = tolerance * self.scale;
-        (0..self.mechanisms.len())
-            .all(|index| self.round(index, impulse, accuracy, false, true) == Change::None)
+        (0..self.mechanisms.len()).all(|index| {
+            self.mechanisms[index].corrected = None;
+            self.round(index, impulse, accuracy, false, true) == Change::None
+        })
     }
 }
