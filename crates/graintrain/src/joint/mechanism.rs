@@ -300,13 +300,10 @@ impl<'a> Mechanisms<'a> {
                 let right = mobility * (quarter * before - step * k * (along.value - rest));
                 add(Role::Spring, along.clone(), right, mobility);
             }
-            if let Some(limits) = own.limits {
-                let side = self.states[joint].stopped;
-                let at = if side < 0 { limits.lower } else { limits.upper };
-                if let Some(at) = at.filter(|_| side != 0) {
-                    let room = f64::from(side) * (at - along.value);
-                    add(Role::Stop, along.clone(), f64::from(side) * room.max(0.0) / step, 0.0);
-                }
+            let side = self.states[joint].stopped;
+            if side != 0 {
+                let room = self.room(joint, side, along.value);
+                add(Role::Stop, along.clone(), f64::from(side) * room / step, 0.0);
             }
             match &own.motor {
                 Some(Motor::Force(force)) => {
@@ -325,6 +322,13 @@ impl<'a> Mechanisms<'a> {
         }
         mechanism.factorise(|_| true);
         mechanism.stiffening = mechanism.stiffening();
+    }
+
+    /// How far a coordinate of this value is from the stop on this side of it; none where it was run over.
+    fn room(&self, joint: usize, side: i8, value: f64) -> f64 {
+        let limits = self.world.joints[joint].joint.limits.unwrap_or_default();
+        let at = if side < 0 { limits.lower } else { limits.upper };
+        at.map_or(0.0, |at| f64::from(side) * (at - value)).max(0.0)
     }
 
     /// Takes the stiffness of the bodies of a mechanism from the forces of its joints.

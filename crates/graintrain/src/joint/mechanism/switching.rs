@@ -62,10 +62,13 @@ impl Mechanisms<'_> {
             let Some(along) = coordinate(&world.joints, joint, &poses, &last(&world.joints)) else {
                 continue;
             };
+            let straight = along.rate_of(|body| self.velocity_of(mechanism, velocity, body));
             // As rows have it: that of the positions, not of the velocities.
-            let end =
-                coordinate(&world.joints, joint, &moved, &near).map_or(along.value, |after| after.value);
-            let rate = (end - along.value) / self.step;
+            let rate = match coordinate(&world.joints, joint, &moved, &near) {
+                Some(after) if !mechanism.is_straight => (after.value - along.value) / self.step,
+                _ => straight,
+            };
+            let end = along.value + self.step * rate;
             let scale = self.scale / if along.angular { self.lengths[joint] } else { 1.0 };
             let of = |role: Role| {
                 let own = |row: &ActiveRow| row.joint == joint && row.role == role;
@@ -73,27 +76,6 @@ impl Mechanisms<'_> {
                 Some((&mechanism.rows[place], solution.impulse[place]))
             };
             let mut state = self.states[joint];
-            if let Some(Motor::Speed { speed, limit: Some(limit) }) = &own.motor {
-                let most = self.step * self.mean(limit).max(0.0);
-                let wanted = self.mean(speed);
-                match state.saturated {
-                    0 => {
-                        let (row, impulse) = of(Role::Motor).unzip();
-                        let (impulse, target) = (impulse.unwrap_or(0.0), row.map_or(0.0, |row| row.target));
-                        let missing =
-                            target - along.rate_of(|body| self.velocity_of(mechanism, velocity, body));
-                        if is_stopped && missing.abs() > (DRIVEN * wanted.abs()).max(CLEAR * scale) {
-                            // Against a stop its row depends on that of the stop: it gets no rate at any
-                            // force, and its own force says nothing.
-                            state.saturated = if missing > 0.0 { 1 } else { -1 };
-                        } else if impulse.abs() > most * (1.0 + CLEAR) {
-                            state.saturated = if impulse > 0.0 { 1 } else { -1 };
-                        }
-                    }
-                    side if f64::from(side) * (rate - wanted) > CLEAR * scale => state.saturated = 0,
-                    _ => {}
-                }
-            }
             if let Some(limits) = own.limits {
                 let beyond = CLEAR * scale * self.step;
                 match state.stopped {
@@ -106,6 +88,35 @@ impl Mechanisms<'_> {
                     {
                         state.stopped = 0;
                     }
+                    _ => {}
+                }
+            }
+            if let Some(Motor::Speed { speed, limit: Some(limit) }) = &own.motor {
+                let most = self.step * self.mean(limit).max(0.0);
+                let wanted = self.mean(speed);
+                match state.saturated {
+                    // One coordinate has one rate: at a stop it is that of the stop, and the motor pushes
+                    // with all its force to the side on which its speed is.
+                    _ if state.stopped != 0 => {
+                        let side = f64::from(state.stopped);
+                        let ahead = side * wanted >= self.room(joint, state.stopped, along.value) / self.step;
+                        state.saturated = if ahead { state.stopped } else { -state.stopped };
+                    }
+                    // What it was while the stop held tells nothing of what it does without.
+                    _ if self.states[joint].stopped != 0 => {}
+                    0 => {
+                        let (row, impulse) = of(Role::Motor).unzip();
+                        let (impulse, target) = (impulse.unwrap_or(0.0), row.map_or(0.0, |row| row.target));
+                        let missing = target - straight;
+                        if is_stopped && missing.abs() > (DRIVEN * wanted.abs()).max(CLEAR * scale) {
+                            // Against the stop of another joint its row may depend on that of the stop: it
+                            // gets no rate at any force, and its own force says nothing.
+                            state.saturated = if missing > 0.0 { 1 } else { -1 };
+                        } else if impulse.abs() > most * (1.0 + CLEAR) {
+                            state.saturated = if impulse > 0.0 { 1 } else { -1 };
+                        }
+                    }
+                    side if f64::from(side) * (rate - wanted) > CLEAR * scale => state.saturated = 0,
                     _ => {}
                 }
             }
