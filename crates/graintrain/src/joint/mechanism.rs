@@ -29,6 +29,7 @@
 //! R. Skeel, "Symplectic numerical integrators in constrained Hamiltonian systems", Journal of Computational
 //! Physics 112:117-125, 1994.
 
+mod bounds;
 mod reactions;
 mod switching;
 
@@ -322,6 +323,13 @@ impl<'a> Mechanisms<'a> {
         }
         mechanism.factorise(|_| true);
         mechanism.stiffening = mechanism.stiffening();
+    }
+
+    /// Makes the rows of the mechanism of this number anew.
+    fn rearrange(&mut self, index: usize) {
+        let mut mechanism = std::mem::take(&mut self.mechanisms[index]);
+        self.arrange(&mut mechanism);
+        self.mechanisms[index] = mechanism;
     }
 
     /// How far a coordinate of this value is from the stop on this side of it; none where it was run over.

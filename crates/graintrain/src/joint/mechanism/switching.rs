@@ -52,8 +52,7 @@ impl Mechanisms<'_> {
         if !mechanism.joints.iter().any(limited) {
             return None;
         }
-        let poses = |body: usize| world.pose(body);
-        let velocity = &solution.velocity;
+        let (poses, velocity) = (|body: usize| world.pose(body), &solution.velocity);
         let (moved, near) = (self.moved(mechanism, velocity), self.near(mechanism, velocity));
         let is_stopped = mechanism.joints.iter().any(|&joint| self.states[joint].stopped != 0);
         let mut states = self.states.clone();
@@ -77,19 +76,15 @@ impl Mechanisms<'_> {
             };
             let mut state = self.states[joint];
             if let Some(limits) = own.limits {
-                let beyond = CLEAR * scale * self.step;
-                match state.stopped {
-                    0 if limits.lower.is_some_and(|lower| end < lower - beyond) => state.stopped = -1,
-                    0 if limits.upper.is_some_and(|upper| end > upper + beyond) => state.stopped = 1,
-                    // What it changes of the rate of free bodies tells a pull from rounding.
-                    side if of(Role::Stop).is_some_and(|(row, impulse)| {
-                        f64::from(side) * impulse * row.norm * row.norm > CLEAR * scale
-                    }) =>
-                    {
-                        state.stopped = 0;
-                    }
-                    _ => {}
-                }
+                // What it changes of the rate of free bodies tells a pull from rounding.
+                let pulls = of(Role::Stop).is_some_and(|(row, impulse)| {
+                    f64::from(state.stopped) * impulse * row.norm * row.norm > CLEAR * scale
+                });
+                state.stopped = match state.stopped {
+                    0 => limits.met_at(end, CLEAR * scale * self.step),
+                    _ if pulls => 0,
+                    side => side,
+                };
             }
             if let Some(Motor::Speed { speed, limit: Some(limit) }) = &own.motor {
                 let most = self.step * self.mean(limit).max(0.0);
@@ -98,8 +93,8 @@ impl Mechanisms<'_> {
                     // One coordinate has one rate: at a stop it is that of the stop, and the motor pushes
                     // with all its force to the side on which its speed is.
                     _ if state.stopped != 0 => {
-                        let side = f64::from(state.stopped);
-                        let ahead = side * wanted >= self.room(joint, state.stopped, along.value) / self.step;
+                        let room = self.room(joint, state.stopped, along.value);
+                        let ahead = f64::from(state.stopped) * wanted >= room / self.step;
                         state.saturated = if ahead { state.stopped } else { -state.stopped };
                     }
                     // What it was while the stop held tells nothing of what it does without.
@@ -187,9 +182,7 @@ impl Mechanisms<'_> {
         }
         if let Some(states) = self.switched(index, &solution, one) {
             self.states = states;
-            let mut mechanism = std::mem::take(&mut self.mechanisms[index]);
-            self.arrange(&mut mechanism);
-            self.mechanisms[index] = mechanism;
+            self.rearrange(index);
             return Change::Rows;
         }
         if is_open { self.correct(index, &solution, (&after, &rates)) } else { Change::None }
