@@ -8,9 +8,9 @@
 //! ```
 //!
 //! with impulses for forces. As long as q > 0 the disc turns at w and holds s' there, p < 2 L; where it is
-//! drawn along, p = 2 L but for its mass m. A row that holds s' = w knows no limit, and where it presses rigid
-//! bodies together such a problem has no solution; with clutches there is one, whatever bodies touch. What it
-//! says of motors and stops is then held as rows, as exact as joints are.
+//! drawn along, p = 2 L but for its mass m. A row that holds s' = w knows no limit, and where it presses
+//! rigid bodies together such a problem has no solution; with clutches there is one, whatever bodies touch.
+//! What it says of motors and stops is then held as rows, as exact as joints are.
 
 use super::{Mechanism, Mechanisms, Role};
 use crate::joint::kinematics::{Row, coordinate, last};
@@ -100,8 +100,8 @@ impl Mechanisms<'_> {
         bounds
     }
 
-    /// A contact problem with those of these bounds after its own contacts, and impulses of them to start from:
-    /// p, of a body whose velocity is the rate of the row, and of motors q of the disc.
+    /// A contact problem with those of these bounds after its own contacts, and impulses of them to start
+    /// from: p, of a body whose velocity is the rate of the row, and of motors q of the disc.
     pub(crate) fn bounded(&self, problem: &Ccp, free: &[f64], bounds: &[Bound]) -> Option<(Ccp, Vec<f64>)> {
         let Delassus::Rigid(rigid) = &*problem.delassus else { return None };
         let (mut all, mut start) = (problem.clone(), Vec::new());
