@@ -192,9 +192,11 @@ fn inverse_mass_with(world: &World, added: impl Fn(usize) -> [f64; 2] + Sync) ->
 pub(crate) enum Course {
     /// Nothing acts on it but gravity.
     Flies,
+    /// Loads act on it, and nothing else but gravity.
+    Pushed,
     /// Contacts press on it, and no joint holds it.
     Touched,
-    /// Joints, motions or loads lead it.
+    /// Joints or motions lead it.
     Held,
 }
 
@@ -226,7 +228,10 @@ pub(crate) fn advance(
             let rotor = Rotor::new(inertia, *orientation, free_degrees(motions, motion));
             let is_resolved = step * w0.length() <= RESOLVED;
             let gives_back = course == Course::Touched || !is_resolved;
-            let turn = rotor.turn([w0, w], step, gives_back);
+            let turn = match course {
+                Course::Pushed => rotor.pushed([w0, w], step),
+                _ => rotor.turn([w0, w], step, gives_back),
+            };
             v[3..].copy_from_slice(&turn.kicked.to_array());
             (*orientation, *angular) = (turn.orientation, turn.spin);
         },

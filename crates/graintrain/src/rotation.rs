@@ -138,6 +138,16 @@ impl Rotor {
         self.turn_beside(&self.coast(spins[0], step), spins, step, gives_back)
     }
 
+    /// The turn of a step in which loads alone act, however fast the body spins: nothing asks for m.
+    pub(crate) fn pushed(&self, [before, mean]: [Vec3; 2], step: f64) -> Turn {
+        let coasting = self.coast(before, step);
+        let change = mean - coasting.mean;
+        let is_changed = change.length() > ROUNDING * mean.length();
+        let kicked = if is_changed { before + change } else { before };
+        let Coasting { orientation, spin, .. } = if is_changed { self.coast(kicked, step) } else { coasting };
+        Turn { kicked, orientation, spin }
+    }
+
     /// [`Self::turn`] where it is known how the body coasts without torques.
     pub(crate) fn turn_beside(
         &self,

@@ -16,9 +16,12 @@ pub(super) fn courses(world: &World, contacts: &[Contact], attempt: &Attempt) ->
         let is_dragged = world.drag.get(body).is_some_and(|drag| drag.linear > 0.0 || drag.angular > 0.0);
         is_dragged || bodies.force[body] != Vec3::ZERO || bodies.torque[body] != Vec3::ZERO
     };
-    let flies = |body: usize| world.cell().is_none() && world.is_free(body) && !is_loaded(body);
-    let mut courses: Vec<Course> =
-        (0..bodies.len()).map(|body| if flies(body) { Course::Flies } else { Course::Held }).collect();
+    let course = |body: usize| match (world.is_free(body), world.cell().is_some() || is_loaded(body)) {
+        (false, _) => Course::Held,
+        (true, false) => Course::Flies,
+        (true, true) => Course::Pushed,
+    };
+    let mut courses: Vec<Course> = (0..bodies.len()).map(course).collect();
     let mut touch = |contact: &Contact| {
         for body in [contact.body_a, contact.body_b] {
             courses[body as usize] = Course::Touched;

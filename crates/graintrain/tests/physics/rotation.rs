@@ -4,8 +4,9 @@ use crate::support::*;
 use graintrain::ccp::FrictionModel::Relaxed;
 use graintrain::handle::{BodyId, MaterialId};
 use graintrain::joint::{Joint, Motor};
+use graintrain::load::{Action, Load};
 use graintrain::math::{Mat3, Quat, Vec3};
-use graintrain::motion::{Motion, Profile};
+use graintrain::motion::{Axes, Motion, Profile};
 use graintrain::shape::{Cylinder, Geometry, Part, Shape, Sphere};
 use graintrain::world::{Body, World};
 use std::f64::consts::PI;
@@ -321,4 +322,30 @@ fn mixed_motions_move_as_reported() {
     assert_close(wrench(blade).force.z, weight, 1e-6 * weight, "load in z");
     assert_close(wrench(blade).force.x, -0.3 * weight, 1e-4 * weight, "drag of friction");
     assert!((wrench(ground).force + wrench(blade).force).length() < 1e-9 * weight);
+}
+
+/// A torque changes the angular momentum of a free body by its impulse, however far the body turns in a step.
+#[test]
+fn loads_change_the_angular_momentum_of_what_spins_fast_by_their_impulse() {
+    for inertia in [Vec3::new(0.0025, 0.0025, 0.005), Vec3::new(0.004, 0.003, 0.005)] {
+        for step in [1e-4, 1e-3, 5e-3, 1e-2] {
+            let mut world = world(0.0, 0.0);
+            world.gravity = Vec3::ZERO;
+            let body = add_sphere(&mut world, 0.1, Vec3::ZERO);
+            world.bodies.inertia[body] = Mat3::from_diagonal(inertia);
+            world.bodies.angular_velocity[body] = Vec3::new(0.0, 0.0, 1000.0);
+            let terms = vec![(Vec3::Y, Profile::Constant(0.981))];
+            let torque = Action::Torque { terms, axes: Axes::World };
+            world.add_load(Load::on(BodyId::from_index(body), torque)).unwrap();
+            let mut stepper = stepper(step, 0.02, 1e-9, Relaxed);
+            for _ in 0..(0.2 / step).round() as usize {
+                stepper.step(&mut world).unwrap();
+            }
+            let at = Mat3::from_quat(world.bodies.orientation[body]);
+            let spin = world.bodies.angular_velocity[body];
+            let momentum = at * Mat3::from_diagonal(inertia) * at.transpose() * spin;
+            let expected = Vec3::new(0.0, 0.1962, 5.0);
+            assert!((momentum - expected).length() < 1e-9, "{inertia} {step}: {momentum}");
+        }
+    }
 }
