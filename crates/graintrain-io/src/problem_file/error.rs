@@ -57,7 +57,7 @@ pub(super) enum Defect {
 
 /// Remedy for a file that ends early or is garbled.
 pub(super) const COPY_AGAIN: &str =
-    "it is no problem file (FCLIB, Siconos or graintrain), or damaged: copy or download it again";
+    "it is truncated or no problem file (FCLIB, Siconos or graintrain): copy or download it again";
 /// Remedy for numbers that the program that wrote the file got wrong.
 pub(super) const WRITE_AGAIN: &str = "write the problem again with finite numbers and matching sizes";
 
