@@ -180,12 +180,13 @@ impl Collider {
         let mut touches = Vec::new();
         (1..=poses as u32).all(|k| {
             let time = step * f64::from(k) / poses;
-            let [a, b] = [advanced(a, velocities[0], time), advanced(b, velocities[1], time)];
-            if (a.position - b.position).length() > a.form.bounding_radius + b.form.bounding_radius {
-                return true;
-            }
             touches.clear();
-            body_contacts(a, b, 0.0, &mut touches);
+            body_contacts(
+                advanced(a, velocities[0], time),
+                advanced(b, velocities[1], time),
+                0.0,
+                &mut touches,
+            );
             let depth = allowed + fall * f64::from(k) / poses;
             touches.iter().all(|touch| touch.gap >= -depth)
         })
