@@ -138,13 +138,17 @@ impl Rotor {
         self.turn_beside(&self.coast(spins[0], step), spins, step, gives_back)
     }
 
-    /// The turn of a step in which loads alone act, however fast the body spins: nothing asks for m.
+    /// The turn of a step in which loads alone act, with the spins (rad/s) as in [`Self::turn`]: from w + d
+    /// on, d = m - m* = dt J^-1 T, the body coasts, and L changes by dt T. No contact and no joint asks for a
+    /// turn by m, so that this holds however fast the body spins.
     pub(crate) fn pushed(&self, [before, mean]: [Vec3; 2], step: f64) -> Turn {
         let coasting = self.coast(before, step);
         let change = mean - coasting.mean;
-        let is_changed = change.length() > ROUNDING * mean.length();
-        let kicked = if is_changed { before + change } else { before };
-        let Coasting { orientation, spin, .. } = if is_changed { self.coast(kicked, step) } else { coasting };
+        if change.length() <= ROUNDING * mean.length() {
+            return Turn { kicked: before, orientation: coasting.orientation, spin: coasting.spin };
+        }
+        let kicked = before + change;
+        let Coasting { orientation, spin, .. } = self.coast(kicked, step);
         Turn { kicked, orientation, spin }
     }
 

@@ -15,6 +15,8 @@
 //! have found which bodies carry which, and bodies pass through each other. [`SolveSettings::finish`] allows
 //! some relaxed problems by a second-order method on top, with De Saxce's shift held [from
 //! below](fixed_point::from_below): what they leave over lets bodies part, and next to none approach.
+//! Before them comes the search for a proof that there is no solution, for as much again at most: of what is
+//! jammed nothing else is to be said.
 //!
 //! **Exact friction.** `apgs`, `pgs` and `apgd` treat it in their iterations ([`CcpSolver::solve_exact`]).
 //! The problem has no objective, and any of them may circle where another gets on, those with a momentum

@@ -30,7 +30,7 @@ table! {
         joints: Vec<String> = Texts, "required of a gear", "[\"pinion\", \"wheel\"]";
         /// Velocity of the second joint over that of the first (rad/s or m/s), negative for opposite rotation
         ratio: Option<f64> = Quantity(D::NONE), "required of a gear", "-0.25";
-        /// Where it has both: turn (keys `motor`, `torsion_spring`, `angles`) or slide (keys
+        /// For a joint with both: turn (keys `motor`, `torsion_spring`, `angles`) or slide (keys
         /// `actuator`, `spring`, `travel`)
         along: Option<Coordinate> = Text, "\"turn\"", "\"slide\"";
         /// Drives an angle: at a speed with a maximum torque, or with a torque

@@ -9,7 +9,7 @@ use crate::world::World;
 /// The course of every body. One flies where nothing acts on it in the step but gravity: contacts exert no
 /// impulse in the contact problem (impacts come before it), no joint holds it, nothing is prescribed, there
 /// is no force (one that depends on the place needs x + dt u+, which is symplectic) and no drag, and no
-/// periodic cell takes it along.
+/// periodic cell takes it along. With these it is pushed.
 pub(super) fn courses(world: &World, contacts: &[Contact], attempt: &Attempt) -> Vec<Course> {
     let bodies = &world.bodies;
     let is_loaded = |body: usize| {
