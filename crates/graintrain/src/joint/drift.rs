@@ -4,20 +4,23 @@
 //! min 1/2 dq^T M dq   subject to   Phi(q + dq) = 0
 //! ```
 //!
-//! by Newton's method, a few times at most; for stops that were run over likewise. The displacement leaves no
-//! velocity, so that no energy comes of it but what bodies gain against gravity, which is reported
-//! ([`crate::step_report::StepReport::correction_energy`]). Bodies that overlap were moved before, each for
-//! itself: that is what opens joints by more than rounding.
+//! by Newton's method; for stops that were run over likewise. A mechanism that is nearly stretched out would
+//! be thrown to the other side: M is what the forces that close it stiffen bodies to ([`super::stiffening`]).
+//! The displacement leaves no velocity, so that no energy comes of it but what bodies gain against gravity,
+//! which is reported ([`crate::step_report::StepReport::correction_energy`]). Bodies that overlap were moved
+//! before, each for itself: that is what opens joints by more than rounding.
 
 use super::elimination::Elimination;
-use super::kinematics::{Near, Row, coordinate, held};
+use super::kinematics::{Near, Placed, Row, coordinate, held};
 use super::rows::{Root, connected, length_of, made_unit, row_over};
+use super::stiffening::stiffness;
 use super::{JointKind, JointState};
 use crate::integrate::{displace, inverse_mass};
+use crate::math::{Mat3, Vec3};
 use crate::world::World;
 
-/// Corrections of one step.
-const ITERATIONS: usize = 4;
+/// Corrections of one step, of which mostly one or two are made.
+const ITERATIONS: usize = 20;
 
 /// A body is moved by no more than so many times the largest opening of its mechanism: near a dead point,
 /// where little opening asks for boundless motion, the rest is left to later steps.
@@ -26,12 +29,8 @@ const REACH: f64 = 100.0;
 /// Openings over the joint's length that are left alone.
 const CLOSED: f64 = 1e-13;
 
-/// The rows of a joint that are open by more than rounding, or run over; all of those that it holds if one of
-/// them is.
-fn open_rows(world: &World, joint: usize, near: &Near) -> (Vec<Row>, bool) {
-    let poses = |body: usize| world.pose(body);
-    let length = length_of(world, joint);
-    let mut rows = held(&world.joints, joint, &poses, near);
+/// What a row of a joint may be off by and count as closed: rounding, and [`CLOSED`].
+pub(super) fn allowed(world: &World, joint: usize, angular: bool) -> f64 {
     let place = world.joints[joint].joint.bodies.iter().flatten();
     let far = place.map(|body| world.bodies.position[body.index()].length()).fold(0.0, f64::max);
     let mut turns = world.joints[joint].state.coordinate.abs();
@@ -39,8 +38,16 @@ fn open_rows(world: &World, joint: usize, near: &Near) -> (Vec<Row>, bool) {
         let [first, second] = joints.map(|other| world.joints[other.index()].state.coordinate.abs());
         turns += ratio.abs() * first + second;
     }
-    let rounding = |angular: bool| 16.0 * f64::EPSILON * if angular { 1.0 + turns } else { far + turns };
-    let allowed = |row: &Row| rounding(row.angular) + CLOSED * if row.angular { 1.0 } else { length };
+    let (places, length) = if angular { (1.0, 1.0) } else { (far, length_of(world, joint)) };
+    16.0 * f64::EPSILON * (places + turns) + CLOSED * length
+}
+
+/// The rows of a joint that are open by more than rounding, or run over; all of those that it holds if one of
+/// them is.
+fn open_rows(world: &World, joint: usize, near: &Near) -> (Vec<Row>, bool) {
+    let poses = |body: usize| world.pose(body);
+    let mut rows = held(&world.joints, joint, &poses, near);
+    let allowed = |row: &Row| allowed(world, joint, row.angular);
     let mut open = rows.iter().any(|row| row.value.abs() > allowed(row));
     if let Some(limits) = world.joints[joint].joint.limits
         && let Some(along) = coordinate(&world.joints, joint, &poses, near)
@@ -79,6 +86,45 @@ pub(crate) fn openings(world: &World) -> (f64, Option<usize>) {
     (most, worst.1)
 }
 
+/// The displacement of a mechanism, as its roots weigh it, that closes these rows of its joints to first
+/// order, and the forces of the joints on B that made it, kg m. Taut rods are held across by their kappa.
+fn closing(
+    world: &World,
+    (bodies, roots): (&[u32], &[Root]),
+    (joints, rows): (&[usize], &[(usize, Row)]),
+    taut: &[(usize, f64)],
+) -> (Vec<f64>, Vec<Vec3>) {
+    let length = 6 * bodies.len() + 2 * taut.len();
+    let placed = |joint: usize| Placed::of(&world.joints[joint], &|body| world.pose(body));
+    let (mut units, mut right, mut norms) = (Vec::new(), Vec::new(), Vec::new());
+    for (_, row) in rows {
+        let mut unit = row_over(row, bodies, roots, length);
+        norms.push(made_unit(&mut unit));
+        right.push(-row.value / norms[norms.len() - 1]);
+        units.push(unit);
+    }
+    let across = taut.iter().flat_map(|&(joint, kappa)| placed(joint).across().1.map(|row| (row, kappa)));
+    for (place, (row, kappa)) in (6 * bodies.len()..).zip(across) {
+        let mut unit = row_over(&row, bodies, roots, length);
+        unit[place] = (1.0 / kappa).sqrt();
+        made_unit(&mut unit);
+        right.push(0.0);
+        units.push(unit);
+    }
+    let mut z = vec![0.0; length];
+    let elimination = Elimination::new(length, units);
+    elimination.project(&mut z, &right);
+    let mut forces = vec![Vec3::ZERO; joints.len()];
+    for (((joint, row), norm), multiplier) in rows.iter().zip(norms).zip(elimination.multipliers(&z)) {
+        if !matches!(world.joints[*joint].joint.kind, JointKind::Gear { .. })
+            && let Ok(k) = joints.binary_search(joint)
+        {
+            forces[k] += multiplier / norm * placed(*joint).wrench(row)[0];
+        }
+    }
+    (z, forces)
+}
+
 /// Closes the joints of a world after a step in which they did this; returned is the displacement
 /// (translation in m and turn in rad, six numbers per body), if there was one.
 pub(crate) fn close(world: &mut World, states: &[JointState], step: f64) -> Option<Vec<f64>> {
@@ -93,20 +139,21 @@ pub(crate) fn close(world: &mut World, states: &[JointState], step: f64) -> Opti
             if !found.iter().any(|(_, open)| *open) {
                 continue;
             }
-            let rows: Vec<Row> = found.into_iter().flat_map(|(rows, _)| rows).collect();
-            let roots: Vec<Root> = bodies.iter().map(|&body| Root::of(&masses[body as usize])).collect();
-            let length = 6 * bodies.len();
-            let (mut units, mut right) = (Vec::new(), Vec::new());
-            for row in &rows {
-                let mut unit = row_over(row, &bodies, &roots, length);
-                right.push(-row.value / made_unit(&mut unit));
-                units.push(unit);
+            let held = joints
+                .iter()
+                .zip(found)
+                .flat_map(|(&joint, (rows, _))| rows.into_iter().map(move |row| (joint, row)));
+            let rows: Vec<(usize, Row)> = held.collect();
+            let mut roots: Vec<Root> = bodies.iter().map(|&body| Root::of(&masses[body as usize])).collect();
+            let (mut z, forces) = closing(world, (&bodies, &roots), (&joints, &rows), &[]);
+            let (swings, taut) = stiffness(world, (&bodies, &roots), (&joints, &forces), 1.0);
+            if !taut.is_empty() || swings.iter().any(|swing| *swing != Mat3::ZERO) {
+                roots.iter_mut().zip(swings).for_each(|(root, swing)| *root = root.with(swing));
+                (z, _) = closing(world, (&bodies, &roots), (&joints, &rows), &taut);
             }
-            let mut z = vec![0.0; length];
-            Elimination::new(length, units).project(&mut z, &right);
             let length = joints.iter().map(|&joint| length_of(world, joint)).fold(0.0, f64::max);
             let in_metres = |value: f64, angular: bool| value.abs() * if angular { length } else { 1.0 };
-            let opening = rows.iter().map(|row| in_metres(row.value, row.angular)).fold(0.0, f64::max);
+            let opening = rows.iter().map(|(_, row)| in_metres(row.value, row.angular)).fold(0.0, f64::max);
             let moved = roots.iter().enumerate().map(|(k, root)| root.times(&z[6 * k..]));
             let farthest = moved.map(|[u, w]| u.length().max(length * w.length())).fold(0.0, f64::max);
             if farthest > REACH * opening {

@@ -38,7 +38,7 @@ pub(crate) struct Elimination {
 }
 
 /// In eight sums, which the machine makes at once.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let ((a, rest_a), (b, rest_b)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
     let mut sums = [0.0; 8];
     for (a, b) in a.iter().zip(b) {
@@ -140,6 +140,23 @@ impl Elimination {
         self.reflect_back(z);
     }
 
+    /// The changes of b by which [`Self::project`] changes C z by `wanted`, for as many other rows C.
+    pub(crate) fn changes(&self, mut others: Vec<Vec<f64>>, wanted: &[f64]) -> Vec<f64> {
+        let rank = self.rank();
+        for row in &mut others {
+            self.reflect(row);
+            row.truncate(rank);
+        }
+        let mut along = vec![0.0; rank];
+        Self::new(rank, others).project(&mut along, wanted);
+        let mut changes = vec![0.0; self.columns.len()];
+        for (place, &row) in self.pivots.iter().enumerate() {
+            changes[row] =
+                along.iter().enumerate().take(place + 1).map(|(i, x)| self.entry(i, place) * x).sum();
+        }
+        changes
+    }
+
     /// The shortest multipliers with B^T lambda = t, for t in the range of B^T.
     pub(crate) fn multipliers(&self, t: &[f64]) -> Vec<f64> {
         let (count, rank) = (self.columns.len(), self.rank());
@@ -221,6 +238,31 @@ mod tests {
             for (mix, place) in mixing.iter().zip(independent..) {
                 let relation: f64 = mix.iter().zip(&lambda).map(|(m, l)| m * l).sum::<f64>() - lambda[place];
                 assert!(relation.abs() < 1e-12, "{relation}");
+            }
+        }
+    }
+
+    /// What other rows see of the changes is what was asked for, with and without rows that repeat others.
+    #[test]
+    fn other_rows_see_the_changes_that_they_ask_for() {
+        for repeated in [0, 2] {
+            let mixing = random_rows(repeated, 4, 11);
+            let with_repeated = |mut rows: Vec<Vec<f64>>| {
+                for mix in &mixing {
+                    let sum = |k: usize| mix.iter().zip(&rows).map(|(m, row)| m * row[k]).sum();
+                    rows.push((0..9).map(sum).collect());
+                }
+                rows
+            };
+            let [own, others] = [3, 7].map(|seed| with_repeated(random_rows(4, 9, seed)));
+            let way = random_rows(1, 9, 5).remove(0);
+            let wanted: Vec<f64> = others.iter().map(|row| dot(row, &way)).collect();
+            let elimination = Elimination::new(9, own);
+            let changes = elimination.changes(others.clone(), &wanted);
+            let mut z = vec![0.0; 9];
+            elimination.project(&mut z, &changes);
+            for (row, wanted) in others.iter().zip(&wanted) {
+                assert!((dot(row, &z) - wanted).abs() < 1e-12);
             }
         }
     }

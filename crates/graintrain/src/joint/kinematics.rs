@@ -141,6 +141,12 @@ impl Placed {
         -force.dot((self.points[1] - self.points[0]).normalize_or_zero())
     }
 
+    /// By how much this force on B draws at the arms of both bodies and at the rod between them, N m.
+    pub(crate) fn pull(&self, force: Vec3) -> f64 {
+        let arms = self.forces(force).map(|(_, arm, force)| arm.dot(force).max(0.0)).sum::<f64>();
+        arms + (self.points[0] - self.points[1]).dot(force).max(0.0)
+    }
+
     /// The distance and the two rows across it: how fast one end passes the other.
     pub(crate) fn across(&self) -> (f64, [Row; 2]) {
         let d = self.points[1] - self.points[0];

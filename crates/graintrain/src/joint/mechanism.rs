@@ -9,8 +9,10 @@
 //! with the velocities v* of free bodies, contact impulses g, positions q moved by v+ as the step moves them
 //! (q (+) dt v), and rates w that are zero but for motors and stops. The difference of positions rather than
 //! `J v+ = w` keeps bodies on their path to second order, and in a conservative mechanism the energy (SHAKE);
-//! it is reached by a few corrections of the right-hand side of `J v+ = w + beta`. What is left, or was there
-//! before, is removed by displacements ([`super::drift`]) and never by velocities.
+//! it is reached by Newton's method on the right-hand side of `J v+ = w + beta`. Where a chain of light links
+//! goes slack or taut within the step there may be no such path: forces along the rows of its start cannot
+//! close it at its end. Then `J v+ = w`, which never adds energy. What is left open, or was before, is
+//! removed by displacements ([`super::drift`]) and never by velocities.
 //!
 //! First-order methods need as many iterations as a chain has links, and more where light bodies carry heavy
 //! ones. So the rows are eliminated (see [`super::elimination`]): contacts see the mechanism's common inverse
@@ -27,6 +29,7 @@
 //! R. Skeel, "Symplectic numerical integrators in constrained Hamiltonian systems", Journal of Computational
 //! Physics 112:117-125, 1994.
 
+mod bounds;
 mod reactions;
 mod switching;
 
@@ -35,7 +38,7 @@ pub(crate) use reactions::JointReactions;
 use super::elimination::Elimination;
 use super::kinematics::{Placed, Row, coordinate, held, last};
 use super::rows::{Root, connected, length_of, made_unit, row_over};
-use super::stiffening::{RESOLVED, Stiffening, restoring};
+use super::stiffening::{Stiffening, stiffness};
 use super::{JointKind, JointState, Motor};
 use crate::integrate::inverse_mass;
 use crate::math::{Mat3, Quat, Vec3, rotation_exponential};
@@ -43,6 +46,7 @@ use crate::motion::Profile;
 use crate::rotation::{Coasting, Rotor, Turn, world_inertia};
 use crate::world::World;
 use graintrain_ccp::{BodyInverseMass, CoupledBodies};
+use std::borrow::Cow;
 
 /// Roundings in the difference of two positions.
 const ROUNDING: f64 = 16.0;
@@ -83,6 +87,14 @@ struct ActiveRow {
     noise: f64,
 }
 
+/// A correction of the right-hand sides.
+struct Correction {
+    /// m/s, per row.
+    changes: Vec<f64>,
+    /// The sum of the squares of how fast rows opened before it.
+    open: f64,
+}
+
 /// Bodies that hang together by joints.
 #[derive(Default)]
 struct Mechanism {
@@ -100,12 +112,17 @@ struct Mechanism {
     taut: Vec<(usize, f64)>,
     /// The forces of the joints, N, that K is of.
     forces: Vec<Vec3>,
+    /// They are those of the last step.
+    is_foreseen: bool,
     rows: Vec<ActiveRow>,
     /// Known impulses of motors: joint, row of the coordinate, impulse.
     pushed: Vec<(usize, Row, f64)>,
     elimination: Elimination,
     springs: usize,
     stiffening: Option<Stiffening>,
+    corrected: Option<Correction>,
+    /// It moves as its rows say at the start of the step, since no path from there keeps it closed.
+    is_straight: bool,
 }
 
 /// Velocities and multipliers of a mechanism.
@@ -202,7 +219,15 @@ impl<'a> Mechanisms<'a> {
                 (rotor, rotor.coast(Vec3::from_slice(&own.before[first..first + 3]), step))
             };
             let turning = bodies.iter().map(coasting).collect();
-            let mut mechanism = Mechanism { bodies, turning, bare, joints, forces, ..Mechanism::default() };
+            let mut mechanism = Mechanism {
+                bodies,
+                turning,
+                bare,
+                joints,
+                forces,
+                is_foreseen: true,
+                ..Mechanism::default()
+            };
             own.stiffen(&mut mechanism);
             own.arrange(&mut mechanism);
             own.mechanisms.push(mechanism);
@@ -241,7 +266,7 @@ impl<'a> Mechanisms<'a> {
             let same = known.iter().find(|row| row.joint == joint && row.role == role);
             same.map_or(0.0, |row| row.target - row.wanted)
         };
-        mechanism.pushed = Vec::new();
+        (mechanism.pushed, mechanism.corrected) = (Vec::new(), None);
         for &joint in &mechanism.joints {
             let mut add = |role: Role, row: Row, wanted: f64, compliance: f64| {
                 let free_rate = row.rate(&self.free);
@@ -276,13 +301,10 @@ impl<'a> Mechanisms<'a> {
                 let right = mobility * (quarter * before - step * k * (along.value - rest));
                 add(Role::Spring, along.clone(), right, mobility);
             }
-            if let Some(limits) = own.limits {
-                let side = self.states[joint].stopped;
-                let at = if side < 0 { limits.lower } else { limits.upper };
-                if let Some(at) = at.filter(|_| side != 0) {
-                    let room = f64::from(side) * (at - along.value);
-                    add(Role::Stop, along.clone(), f64::from(side) * room.max(0.0) / step, 0.0);
-                }
+            let side = self.states[joint].stopped;
+            if side != 0 {
+                let room = self.room(joint, side, along.value);
+                add(Role::Stop, along.clone(), f64::from(side) * room / step, 0.0);
             }
             match &own.motor {
                 Some(Motor::Force(force)) => {
@@ -303,43 +325,27 @@ impl<'a> Mechanisms<'a> {
         mechanism.stiffening = mechanism.stiffening();
     }
 
+    /// Makes the rows of the mechanism of this number anew.
+    fn rearrange(&mut self, index: usize) {
+        let mut mechanism = std::mem::take(&mut self.mechanisms[index]);
+        self.arrange(&mut mechanism);
+        self.mechanisms[index] = mechanism;
+    }
+
+    /// How far a coordinate of this value is from the stop on this side of it; none where it was run over.
+    fn room(&self, joint: usize, side: i8, value: f64) -> f64 {
+        let limits = self.world.joints[joint].joint.limits.unwrap_or_default();
+        let at = if side < 0 { limits.lower } else { limits.upper };
+        at.map_or(0.0, |at| f64::from(side) * (at - value)).max(0.0)
+    }
+
     /// Takes the stiffness of the bodies of a mechanism from the forces of its joints.
     fn stiffen(&mut self, mechanism: &mut Mechanism) {
-        let poses = |body: usize| self.world.pose(body);
         mechanism.roots = mechanism.bare.iter().map(|(root, _)| *root).collect();
-        let mut swings = vec![Mat3::ZERO; mechanism.bodies.len()];
-        mechanism.taut.clear();
-        let mut fastest = 0.0;
-        for (&joint, &force) in mechanism.joints.iter().zip(&mechanism.forces) {
-            if force == Vec3::ZERO {
-                continue;
-            }
-            let placed = Placed::of(&self.world.joints[joint], &poses);
-            if let JointKind::Distance { .. } = self.world.joints[joint].joint.kind {
-                let (length, rows) = placed.across();
-                let kappa = 0.25 * self.step * self.step * placed.tension(force) / length;
-                if kappa > 0.0 && kappa.is_finite() {
-                    mechanism.taut.push((joint, kappa));
-                    let mobility = |row: &Row| {
-                        let row =
-                            row_over(row, &mechanism.bodies, &mechanism.roots, 6 * mechanism.bodies.len());
-                        row.iter().map(|x| x * x).sum::<f64>()
-                    };
-                    fastest += kappa * rows.iter().map(mobility).sum::<f64>();
-                }
-            }
-            for (body, arm, force) in placed.forces(force) {
-                if let Ok(k) = mechanism.bodies.binary_search(&(body as u32)) {
-                    swings[k] += 0.25 * self.step * self.step * restoring(arm, force);
-                }
-            }
-        }
-        // The fastest that one body alone could swing: mostly that decides.
-        fastest += swings.iter().zip(&mechanism.roots).map(|(k, root)| root.turned(*k)).sum::<f64>();
-        if 4.0 * fastest <= RESOLVED {
-            swings.iter_mut().for_each(|k| *k = Mat3::ZERO);
-            mechanism.taut.clear();
-        }
+        let held = (mechanism.joints.as_slice(), mechanism.forces.as_slice());
+        let bodies = (mechanism.bodies.as_slice(), mechanism.roots.as_slice());
+        let (swings, taut) = stiffness(self.world, bodies, held, 0.25 * self.step * self.step);
+        mechanism.taut = taut;
         let bodies = mechanism.bodies.iter().zip(&mechanism.bare).zip(&swings);
         for (((&body, &(_, mut turn)), &swing), root) in bodies.zip(&mut mechanism.roots) {
             let angular = 6 * body as usize + 3..6 * body as usize + 6;
@@ -450,25 +456,40 @@ impl<'a> Mechanisms<'a> {
         Solution { velocity, impulse: impulses, held }
     }
 
-    /// Rates of the rows, as differences of positions, with these velocities of the mechanism.
-    fn rates(&self, mechanism: &Mechanism, velocity: &[f64]) -> Vec<f64> {
+    /// The rows where bodies are after the step with these velocities of the mechanism; `None` for those that
+    /// are not of positions.
+    fn rows_after(&self, mechanism: &Mechanism, velocity: &[f64]) -> Vec<Option<Row>> {
         let joints = &self.world.joints;
         let (moved, near) = (self.moved(mechanism, velocity), self.near(mechanism, velocity));
         let mut known: Option<(usize, Vec<Row>)> = None;
-        let rate = |row: &ActiveRow| {
-            let after = match row.role {
-                Role::Held(k) => {
-                    if known.as_ref().is_none_or(|(joint, _)| *joint != row.joint) {
-                        known = Some((row.joint, held(joints, row.joint, &moved, &near)));
-                    }
-                    known.as_ref().map(|(_, rows)| rows[k].value)
+        let after = |row: &ActiveRow| match row.role {
+            Role::Held(k) => {
+                if known.as_ref().is_none_or(|(joint, _)| *joint != row.joint) {
+                    known = Some((row.joint, held(joints, row.joint, &moved, &near)));
                 }
-                Role::Motor | Role::Stop => coordinate(joints, row.joint, &moved, &near).map(|row| row.value),
-                Role::Spring | Role::Taut(_) => None,
-            };
-            after.map_or(row.wanted, |after| (after - row.row.value) / self.step)
+                known.as_ref().map(|(_, rows)| rows[k].clone())
+            }
+            Role::Motor | Role::Stop => coordinate(joints, row.joint, &moved, &near),
+            Role::Spring | Role::Taut(_) => None,
         };
-        mechanism.rows.iter().map(rate).collect()
+        mechanism.rows.iter().map(after).collect()
+    }
+
+    /// Rates of the rows, as differences of positions, with these velocities of the mechanism.
+    fn rates(&self, mechanism: &Mechanism, velocity: &[f64]) -> Vec<f64> {
+        self.rates_of(mechanism, &self.rows_after(mechanism, velocity), velocity)
+    }
+
+    /// The same where the rows after the step are known.
+    fn rates_of(&self, mechanism: &Mechanism, after: &[Option<Row>], velocity: &[f64]) -> Vec<f64> {
+        let rate = |(row, after): (&ActiveRow, &Option<Row>)| match after {
+            Some(_) if mechanism.is_straight => {
+                row.row.rate_of(|body| self.velocity_of(mechanism, velocity, body))
+            }
+            Some(after) => (after.value - row.row.value) / self.step,
+            None => row.wanted,
+        };
+        mechanism.rows.iter().zip(after).map(rate).collect()
     }
 
     /// Velocities of a body, six, with these of the mechanism.
@@ -610,9 +631,32 @@ impl Mechanism {
         self.elimination = Elimination::new(length, rows);
     }
 
+    /// The changes of right-hand sides that change rates by what is `missing`, where changes of velocities
+    /// are seen by other rows (`None`: by those that there are).
+    fn changes(&self, seen: &[Option<Row>], missing: &[f64]) -> Vec<f64> {
+        let mut springs = self.springs();
+        let row = |(own, seen): (&ActiveRow, &Option<Row>)| {
+            let row = seen.as_ref().unwrap_or(&own.row);
+            let mut row = row_over(row, &self.bodies, &self.roots, 6 * self.bodies.len() + self.springs);
+            if own.compliance > 0.0
+                && let Some((place, _)) = springs.next()
+            {
+                row[place] = own.compliance.sqrt();
+            }
+            row.iter_mut().for_each(|x| *x /= own.norm);
+            row
+        };
+        let rows = self.rows.iter().zip(seen).map(row).collect();
+        let missing: Vec<f64> = self.rows.iter().zip(missing).map(|(own, rate)| rate / own.norm).collect();
+        let mut changes = self.elimination.changes(rows, &missing);
+        changes.iter_mut().zip(&self.rows).for_each(|(change, own)| *change *= own.norm);
+        changes
+    }
+
     /// W = Y Y^T with Y = S (motions that the rows leave free), and what damps swings.
     fn coupled(&self) -> CoupledBodies {
-        let motions: Vec<Vec<f64>> = self.elimination.free_motions();
+        let known = self.stiffening.as_ref().map(|stiffening| stiffening.motions.as_slice());
+        let motions = known.map_or_else(|| self.elimination.free_motions().into(), Cow::Borrowed);
         let degrees = motions.len();
         let mut factor = vec![0.0; 6 * self.bodies.len() * degrees];
         for (column, motion) in motions.iter().enumerate() {

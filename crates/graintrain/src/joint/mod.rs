@@ -110,6 +110,17 @@ pub struct Limits {
     pub upper: Option<f64>,
 }
 
+impl Limits {
+    /// Which of them a coordinate is beyond by more than this: -1 the lower, 1 the upper, 0 none.
+    fn met_at(self, coordinate: f64, beyond: f64) -> i8 {
+        if self.lower.is_some_and(|lower| coordinate < lower - beyond) {
+            -1
+        } else {
+            i8::from(self.upper.is_some_and(|upper| coordinate > upper + beyond))
+        }
+    }
+}
+
 /// A joint to be added to a world. Angles and slides are zero where it is added; distances are what they are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Joint {

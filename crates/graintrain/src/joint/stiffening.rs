@@ -39,17 +39,61 @@
 //! Graphics 34(4):132, 2015, there with an implicit step, which damps; the mean: N. M. Newmark, "A method of
 //! computation for structural dynamics", Journal of the Engineering Mechanics Division 85(3):67-94, 1959.
 
+use super::JointKind;
+use super::elimination::dot;
+use super::kinematics::{Placed, Row};
+use super::rows::{Root, row_over};
 use crate::math::{Mat3, Vec3};
+use crate::world::World;
 
 /// Swings with (dt rate)^2 below this are left alone.
-pub(super) const RESOLVED: f64 = 0.1;
+const RESOLVED: f64 = 0.1;
 
 /// The restoring stiffness of a force at an arm, N m/rad.
-pub(super) fn restoring(arm: Vec3, force: Vec3) -> Mat3 {
+fn restoring(arm: Vec3, force: Vec3) -> Mat3 {
     let length = arm.length();
     let unit = if length > 0.0 { arm / length } else { Vec3::ZERO };
     let outer = Mat3::from_cols(unit.x * unit, unit.y * unit, unit.z * unit);
     arm.dot(force).max(0.0) * (Mat3::IDENTITY - outer)
+}
+
+/// What these forces of joints (on B) make the bodies and rods of a mechanism stiff by, times a factor:
+/// kappa of every body, and of the rods that are taut, by joint; nothing where all swings are resolved.
+pub(super) fn stiffness(
+    world: &World,
+    (bodies, roots): (&[u32], &[Root]),
+    (joints, forces): (&[usize], &[Vec3]),
+    factor: f64,
+) -> (Vec<Mat3>, Vec<(usize, f64)>) {
+    let poses = |body: usize| world.pose(body);
+    let (mut swings, mut taut) = (vec![Mat3::ZERO; bodies.len()], Vec::new());
+    let mut fastest = 0.0;
+    for (&joint, &force) in joints.iter().zip(forces).filter(|(_, force)| **force != Vec3::ZERO) {
+        let placed = Placed::of(&world.joints[joint], &poses);
+        if let JointKind::Distance { .. } = world.joints[joint].joint.kind {
+            let (length, rows) = placed.across();
+            let kappa = factor * placed.tension(force) / length;
+            if kappa > 0.0 && kappa.is_finite() {
+                taut.push((joint, kappa));
+                let mobility = |row: &Row| {
+                    let row = row_over(row, bodies, roots, 6 * bodies.len());
+                    row.iter().map(|x| x * x).sum::<f64>()
+                };
+                fastest += kappa * rows.iter().map(mobility).sum::<f64>();
+            }
+        }
+        for (body, arm, force) in placed.forces(force) {
+            if let Ok(k) = bodies.binary_search(&(body as u32)) {
+                swings[k] += factor * restoring(arm, force);
+            }
+        }
+    }
+    // The fastest that one body alone could swing: mostly that decides.
+    fastest += swings.iter().zip(roots).map(|(k, root)| root.turned(*k)).sum::<f64>();
+    if 4.0 * fastest <= RESOLVED {
+        return (vec![Mat3::ZERO; bodies.len()], Vec::new());
+    }
+    (swings, taut)
 }
 
 /// The damping of swings that are not resolved.
@@ -79,7 +123,7 @@ impl Lower {
         for i in 0..degrees {
             for j in 0..=i {
                 let rows = [i, j].map(|k| &entries[k * degrees..k * degrees + j]);
-                let before: f64 = rows[0].iter().zip(rows[1]).map(|(a, b)| a * b).sum();
+                let before = dot(rows[0], rows[1]);
                 let rest = matrix[i * degrees + j] - before;
                 entries[i * degrees + j] =
                     if i == j { rest.max(1.0).sqrt() } else { rest / entries[j * degrees + j] };
@@ -108,8 +152,10 @@ impl Lower {
 
 /// Of symmetric matrices that commute.
 fn product(a: &[f64], b: &[f64], degrees: usize) -> Vec<f64> {
-    let row = |of: &[f64], k: usize, l: usize| of[k * degrees + l];
-    let entry = |at: usize| (0..degrees).map(|l| row(a, at / degrees, l) * row(b, at % degrees, l)).sum();
+    let entry = |at: usize| {
+        let [i, j] = [at / degrees, at % degrees].map(|k| k * degrees..(k + 1) * degrees);
+        dot(&a[i], &b[j])
+    };
     (0..a.len()).map(entry).collect()
 }
 

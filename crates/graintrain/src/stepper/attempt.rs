@@ -23,6 +23,9 @@ use graintrain_linalg::parallel::axpy;
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 
+/// What parts of few contacts are solved to, over the tolerance, where motors and stops are bounds.
+const ROUGH: f64 = 1e-2;
+
 /// A solved contact problem with what a periodic cell does.
 struct WithCell {
     solved: Solved,
@@ -179,13 +182,18 @@ impl Stepper {
         let mut posing = Posing::new(world, how, contacts, (rows, masses), mechanisms);
         let immobile = posing.leave_immobile_out(&rounds.driven);
         let mut impulse = posing.start(&pulls, last.as_ref());
+        let mut bounded = None;
+        let solving = Clock::now();
         if !posing.mechanisms.is_empty() && !posing.chosen.is_empty() {
             posing.mechanisms.predict(&body_impulses(&posing.problem, &impulse));
+            bounded = self.bound(&mut posing, &mut impulse)?;
             posing.again();
         }
-        let solving = Clock::now();
         let WithCell { mut solved, posed, cell } =
             self.solve_with_cell(&mut posing, &impacts, &mut impulse)?;
+        if let Some(earlier) = bounded {
+            solved.report = solved.report.after(&earlier);
+        }
         let (on_bodies, agrees) = self.agree(&mut posing, &mut impulse, &mut solved)?;
         let Posing { mechanisms, active, problem, free, .. } = posing;
         let Solved { report: mut solve, parts } = solved;
@@ -275,6 +283,37 @@ impl Stepper {
             stop: self.stop.clone(),
         };
         impacts.resolve(world, of, self.settings.step)?.ok_or(StepError::Stopped)
+    }
+
+    /// Finds what motors with a limit and their stops do, in one problem with the contacts, where one of them
+    /// is not at its limit. What was done for that is returned.
+    fn bound(
+        &mut self,
+        posing: &mut Posing<'_>,
+        impulse: &mut [f64],
+    ) -> Result<Option<SolveReport>, StepError> {
+        let bounds = posing.mechanisms.loosen(&body_impulses(&posing.problem, impulse));
+        if bounds.is_empty() {
+            return Ok(None);
+        }
+        posing.again();
+        let Some((problem, start)) = posing.mechanisms.bounded(&posing.problem, &posing.free, &bounds) else {
+            return Ok(None);
+        };
+        let at = 3 * posing.active.len();
+        let mut all = [&impulse[..at], &start, &impulse[at..]].concat();
+        // Which of them act is all that is asked for.
+        let tolerance = std::mem::replace(&mut self.parameters.parts.few.tolerance, ROUGH);
+        let solved = self.solve(posing.world, &problem, &mut all);
+        self.parameters.parts.few.tolerance = tolerance;
+        let report = solved?.report;
+        posing.mechanisms.hold(&bounds, &all[at..at + start.len()]);
+        all.drain(at..at + start.len());
+        if report.converged() {
+            impulse.copy_from_slice(&all);
+        }
+        posing.mechanisms.predict(&body_impulses(&posing.problem, impulse));
+        Ok(Some(report))
     }
 
     /// Solves again until motors, stops and swings are what the contacts were solved for, and tells whether

@@ -838,3 +838,37 @@ fn a_planar_joint_leaves_sliding_and_the_turn_about_its_axis() {
     assert!((spin - 3.0 * normal).length() < 2e-3, "{spin} {normal}");
     assert!((world.joints()[0].state.coordinate - 3.0 * time).abs() < 1e-9);
 }
+
+/// An arm of two links whose motors press it on a fixed block: motors do what they can, in a problem that has
+/// a solution. (As rows they pressed without limit: impulses of 1e8 N s, millions of iterations, and the arm
+/// was thrown.)
+#[test]
+fn motors_with_a_limit_press_an_arm_on_a_block() {
+    let mut world = earth();
+    let fixed = world.add_motion(Motion::fixed()).unwrap();
+    let block = world.add_geometry(Geometry::cuboid(Vec3::new(0.15, 0.15, 0.1)).unwrap());
+    let body = Body::new(block, MaterialId::default(), Vec3::new(0.45, 0.0, 0.1));
+    world.add_body(Body { motion: fixed, ..body }).unwrap();
+    let link = world.add_geometry(Geometry::cuboid(Vec3::new(0.1425, 0.04, 0.02)).unwrap());
+    let mut last = None;
+    for (x, speed, limit) in [(0.0, 1.0, 100.0), (0.3, -0.5, 75.0)] {
+        let at = Vec3::new(x + 0.15, 0.0, 0.35);
+        let inertia =
+            Mat3::from_diagonal(Vec3::new(0.08_f64.powi(2), 0.285_f64.powi(2), 0.285_f64.powi(2)) / 12.0);
+        let mass = Some(MassProperties { mass: 1.0, inertia });
+        let body = world.add_body(Body { mass, ..Body::new(link, MaterialId::default(), at) }).unwrap();
+        let motor = Motor::Speed { speed: Profile::Constant(speed), limit: Some(Profile::Constant(limit)) };
+        let hinge = Joint::revolute(last, body, Vec3::new(x, 0.0, 0.35), Vec3::Y);
+        world.add_joint(hinge.with_motor(motor)).unwrap();
+        last = Some(body);
+    }
+    let mut stepper = stepper(5e-3, FrictionModel::Coulomb);
+    let mut iterations = 0;
+    for step in 0..240 {
+        let report = stepper.step(&mut world).unwrap();
+        assert_eq!(report.solve.status, Status::Converged, "step {step}: {:?}", report.solve.remark);
+        assert!(report.kinetic_energy < 10.0, "step {step}: {} J", report.kinetic_energy);
+        iterations += report.solve.iterations;
+    }
+    assert!(iterations < 100_000, "{iterations}");
+}

@@ -1,10 +1,11 @@
 //! What motors with a limit and stops do, and the corrections that keep bodies on the paths of their joints:
 //! round by round, until all agree.
 
-use super::{ActiveRow, Mechanisms, Role, Solution};
-use crate::joint::kinematics::{coordinate, last};
+use super::{ActiveRow, Correction, Mechanisms, Role, Row, Solution};
+use crate::joint::drift::allowed;
+use crate::joint::kinematics::{Placed, coordinate, last};
 use crate::joint::{JointState, Motor};
-use crate::math::Vec3;
+use crate::math::{Vec3, rotation_exponential};
 
 /// Corrections of the right-hand side, and changes of motors and stops, between two solves of the contacts.
 const ROUNDS: usize = 60;
@@ -20,7 +21,7 @@ const TOGETHER: usize = 8;
 const FINE: f64 = 1e-11;
 
 /// Joints that open faster than this, over the velocity scale, after all corrections are stuck.
-const STUCK: f64 = 1e-3;
+const STUCK: f64 = 1e-6;
 
 /// Forces that differ by less than this share stiffen swings alike.
 const SAME_FORCES: f64 = 0.1;
@@ -52,8 +53,7 @@ impl Mechanisms<'_> {
         if !mechanism.joints.iter().any(limited) {
             return None;
         }
-        let poses = |body: usize| world.pose(body);
-        let velocity = &solution.velocity;
+        let (poses, velocity) = (|body: usize| world.pose(body), &solution.velocity);
         let (moved, near) = (self.moved(mechanism, velocity), self.near(mechanism, velocity));
         let is_stopped = mechanism.joints.iter().any(|&joint| self.states[joint].stopped != 0);
         let mut states = self.states.clone();
@@ -62,10 +62,13 @@ impl Mechanisms<'_> {
             let Some(along) = coordinate(&world.joints, joint, &poses, &last(&world.joints)) else {
                 continue;
             };
+            let straight = along.rate_of(|body| self.velocity_of(mechanism, velocity, body));
             // As rows have it: that of the positions, not of the velocities.
-            let end =
-                coordinate(&world.joints, joint, &moved, &near).map_or(along.value, |after| after.value);
-            let rate = (end - along.value) / self.step;
+            let rate = match coordinate(&world.joints, joint, &moved, &near) {
+                Some(after) if !mechanism.is_straight => (after.value - along.value) / self.step,
+                _ => straight,
+            };
+            let end = along.value + self.step * rate;
             let scale = self.scale / if along.angular { self.lengths[joint] } else { 1.0 };
             let of = |role: Role| {
                 let own = |row: &ActiveRow| row.joint == joint && row.role == role;
@@ -73,39 +76,43 @@ impl Mechanisms<'_> {
                 Some((&mechanism.rows[place], solution.impulse[place]))
             };
             let mut state = self.states[joint];
+            if let Some(limits) = own.limits {
+                // What it changes of the rate of free bodies tells a pull from rounding.
+                let pulls = of(Role::Stop).is_some_and(|(row, impulse)| {
+                    f64::from(state.stopped) * impulse * row.norm * row.norm > CLEAR * scale
+                });
+                state.stopped = match state.stopped {
+                    0 => limits.met_at(end, CLEAR * scale * self.step + allowed(world, joint, along.angular)),
+                    _ if pulls => 0,
+                    side => side,
+                };
+            }
             if let Some(Motor::Speed { speed, limit: Some(limit) }) = &own.motor {
                 let most = self.step * self.mean(limit).max(0.0);
                 let wanted = self.mean(speed);
                 match state.saturated {
+                    // One coordinate has one rate: at a stop it is that of the stop, and the motor pushes
+                    // with all its force to the side on which its speed is.
+                    _ if state.stopped != 0 => {
+                        let room = self.room(joint, state.stopped, along.value);
+                        let ahead = f64::from(state.stopped) * wanted >= room / self.step;
+                        state.saturated = if ahead { state.stopped } else { -state.stopped };
+                    }
+                    // What it was while the stop held tells nothing of what it does without.
+                    _ if self.states[joint].stopped != 0 => {}
                     0 => {
                         let (row, impulse) = of(Role::Motor).unzip();
                         let (impulse, target) = (impulse.unwrap_or(0.0), row.map_or(0.0, |row| row.target));
-                        let missing =
-                            target - along.rate_of(|body| self.velocity_of(mechanism, velocity, body));
+                        let missing = target - straight;
                         if is_stopped && missing.abs() > (DRIVEN * wanted.abs()).max(CLEAR * scale) {
-                            // Against a stop its row depends on that of the stop: it gets no rate at any
-                            // force, and its own force says nothing.
+                            // Against the stop of another joint its row may depend on that of the stop: it
+                            // gets no rate at any force, and its own force says nothing.
                             state.saturated = if missing > 0.0 { 1 } else { -1 };
                         } else if impulse.abs() > most * (1.0 + CLEAR) {
                             state.saturated = if impulse > 0.0 { 1 } else { -1 };
                         }
                     }
                     side if f64::from(side) * (rate - wanted) > CLEAR * scale => state.saturated = 0,
-                    _ => {}
-                }
-            }
-            if let Some(limits) = own.limits {
-                let beyond = CLEAR * scale * self.step;
-                match state.stopped {
-                    0 if limits.lower.is_some_and(|lower| end < lower - beyond) => state.stopped = -1,
-                    0 if limits.upper.is_some_and(|upper| end > upper + beyond) => state.stopped = 1,
-                    // What it changes of the rate of free bodies tells a pull from rounding.
-                    side if of(Role::Stop).is_some_and(|(row, impulse)| {
-                        f64::from(side) * impulse * row.norm * row.norm > CLEAR * scale
-                    }) =>
-                    {
-                        state.stopped = 0;
-                    }
                     _ => {}
                 }
             }
@@ -117,19 +124,36 @@ impl Mechanisms<'_> {
         (states != self.states).then_some(states)
     }
 
-    /// Takes the stiffness of swings anew where the forces of joints differ from those that it was made of:
-    /// whether it did.
+    /// Stiffens swings as joints draw in this step rather than in the last one, and then where they draw
+    /// harder: whether it did. What was stiff in this step stays so: stiffness takes forces away, and both
+    /// would be found in turn for ever.
     fn restiffen(&mut self, index: usize, solution: &Solution) -> bool {
         let mechanism = &self.mechanisms[index];
+        let poses = |body: usize| self.world.pose(body);
         let forces = self.forces(mechanism, &solution.impulse);
-        let largest = |of: &mut dyn Iterator<Item = Vec3>| of.map(Vec3::length).fold(0.0, f64::max);
-        let change = largest(&mut forces.iter().zip(&mechanism.forces).map(|(new, old)| *new - *old));
-        if change <= SAME_FORCES * largest(&mut forces.iter().chain(&mechanism.forces).copied()) {
+        if forces.iter().any(|force| !force.is_finite()) {
+            return false;
+        }
+        let foreseen = mechanism.is_foreseen;
+        let pulls =
+            mechanism.joints.iter().zip(forces).zip(&mechanism.forces).map(|((&joint, new), &old)| {
+                let placed = Placed::of(&self.world.joints[joint], &poses);
+                let [by_new, by_old] = [new, old].map(|force| placed.pull(force));
+                if foreseen || by_new > by_old {
+                    (new, by_new.max(by_old), (by_new - by_old).abs())
+                } else {
+                    (old, by_old, 0.0)
+                }
+            });
+        let pulls: Vec<(Vec3, f64, f64)> = pulls.collect();
+        let largest = |of: fn(&(Vec3, f64, f64)) -> f64| pulls.iter().map(of).fold(0.0, f64::max);
+        if largest(|pull| pull.2) <= SAME_FORCES * largest(|pull| pull.1) {
             return false;
         }
         let mut mechanism = std::mem::take(&mut self.mechanisms[index]);
         let was_stiff = mechanism.is_stiff();
-        mechanism.forces = forces;
+        mechanism.is_foreseen = false;
+        mechanism.forces = pulls.into_iter().map(|(force, ..)| force).collect();
         self.stiffen(&mut mechanism);
         let changes = was_stiff || mechanism.is_stiff();
         if changes {
@@ -144,36 +168,84 @@ impl Mechanisms<'_> {
     /// time where `one` is asked for.
     fn round(&mut self, index: usize, impulse: &[f64], accuracy: f64, correct: bool, one: bool) -> Change {
         let solution = self.solve(&self.mechanisms[index], impulse);
-        if self.restiffen(index, &solution) {
+        let mechanism = &self.mechanisms[index];
+        let after = self.rows_after(mechanism, &solution.velocity);
+        let rates = self.rates_of(mechanism, &after, &solution.velocity);
+        // A rate that is no number is open.
+        let closed = |(row, &rate): (&ActiveRow, &f64)| self.opening(row, rate) <= accuracy.max(row.noise);
+        let is_open = !mechanism.rows.iter().zip(&rates).all(closed);
+        // The forces of a path that is being sought say nothing, unless nothing else is known.
+        let is_known = mechanism.forces.iter().any(|force| *force != Vec3::ZERO);
+        if !(mechanism.is_straight || is_open && is_known) && self.restiffen(index, &solution) {
             return Change::Rows;
         }
-        let mechanism = &self.mechanisms[index];
-        let rates = self.rates(mechanism, &solution.velocity);
-        let open = |(row, &rate): (&ActiveRow, &f64)| self.opening(row, rate) > accuracy.max(row.noise);
-        let is_open = mechanism.rows.iter().zip(&rates).any(open);
         if is_open && correct {
-            self.correct(index, &rates);
-            return Change::Targets;
+            return self.correct(index, &solution, (&after, &rates));
         }
         if let Some(states) = self.switched(index, &solution, one) {
             self.states = states;
-            let mut mechanism = std::mem::take(&mut self.mechanisms[index]);
-            self.arrange(&mut mechanism);
-            self.mechanisms[index] = mechanism;
+            self.rearrange(index);
             return Change::Rows;
         }
-        if is_open {
-            self.correct(index, &rates);
-            return Change::Targets;
-        }
-        Change::None
+        if is_open { self.correct(index, &solution, (&after, &rates)) } else { Change::None }
     }
 
-    /// Moves the right-hand sides by what the rates of their rows miss.
-    fn correct(&mut self, index: usize, rates: &[f64]) {
-        for (row, rate) in self.mechanisms[index].rows.iter_mut().zip(rates) {
-            row.target -= rate - row.wanted;
+    /// Moves the right-hand sides by what the rates of their rows miss, as Newton's method does: the forces
+    /// act along the rows at the start of the step, and what they change is seen by the rows at its end. A
+    /// correction that opens joints further throws light bodies across: they are made as stiff as its forces
+    /// ask for, and if they are, it is halved.
+    fn correct(
+        &mut self,
+        index: usize,
+        solution: &Solution,
+        (after, rates): (&[Option<Row>], &[f64]),
+    ) -> Change {
+        let mechanism = &mut self.mechanisms[index];
+        let corrected = mechanism.corrected.take();
+        let mechanism = &self.mechanisms[index];
+        let openings = mechanism.rows.iter().zip(rates).map(|(row, &rate)| self.opening(row, rate));
+        let open = openings.map(|opening| opening * opening).sum::<f64>();
+        let (changes, open) = match corrected {
+            Some(Correction { changes, open: least }) if open.is_nan() || open > least => {
+                self.move_targets(index, &changes, -1.0);
+                if self.restiffen(index, solution) {
+                    return Change::Rows;
+                }
+                (changes.iter().map(|change| 0.5 * change).collect(), least)
+            }
+            _ => (self.changes(index, solution, (after, rates)), open),
+        };
+        self.move_targets(index, &changes, 1.0);
+        self.mechanisms[index].corrected = Some(Correction { changes, open });
+        Change::Targets
+    }
+
+    fn move_targets(&mut self, index: usize, changes: &[f64], share: f64) {
+        for (row, change) in self.mechanisms[index].rows.iter_mut().zip(changes) {
+            row.target += share * change;
         }
+    }
+
+    /// Newton's correction of the right-hand sides.
+    fn changes(
+        &self,
+        index: usize,
+        solution: &Solution,
+        (after, rates): (&[Option<Row>], &[f64]),
+    ) -> Vec<f64> {
+        let mechanism = &self.mechanisms[index];
+        let half = |body: usize| {
+            let v = self.velocity_of(mechanism, &solution.velocity, body);
+            rotation_exponential(-0.5 * self.step * Vec3::from_slice(&v[3..]))
+        };
+        let seen = |row: Row| {
+            let seen = |(body, [linear, angular]): (usize, [Vec3; 2])| (body, [linear, half(body) * angular]);
+            Row { ends: row.ends.into_iter().map(seen).collect(), ..row }
+        };
+        let seen: Vec<Option<Row>> = after.iter().map(|row| row.clone().map(seen)).collect();
+        let missing: Vec<f64> =
+            mechanism.rows.iter().zip(rates).map(|(row, rate)| row.wanted - rate).collect();
+        mechanism.changes(&seen, &missing)
     }
 
     /// Finds what motors and stops do and how paths bend, as if contacts exerted these impulses (six numbers
@@ -181,21 +253,33 @@ impl Mechanisms<'_> {
     pub(crate) fn predict(&mut self, impulse: &[f64]) {
         let fine = FINE * self.scale;
         for index in 0..self.mechanisms.len() {
-            let (mut corrections, mut changes) = (0, 0);
-            let settled = (0..ROUNDS).any(|_| {
-                let change = self.round(index, impulse, fine, corrections < CORRECTIONS, changes >= TOGETHER);
-                match change {
-                    Change::Targets => corrections += 1,
-                    Change::Rows => (corrections, changes) = (0, changes + 1),
-                    Change::None => {}
-                }
-                change == Change::None
-            });
-            if !settled && self.is_open(index, impulse, STUCK * self.scale) {
-                // Corrections that lead nowhere, as in a linkage that is stuck, must not drive it.
-                self.mechanisms[index].rows.iter_mut().for_each(|row| row.target = row.wanted);
+            if self.settle(index, impulse, fine) {
+                continue;
+            }
+            if self.is_open(index, impulse, STUCK * self.scale) {
+                // Corrections that lead nowhere must not drive it.
+                let mechanism = &mut self.mechanisms[index];
+                mechanism.is_straight = true;
+                mechanism.rows.iter_mut().for_each(|row| row.target = row.wanted);
+                self.settle(index, impulse, fine);
             }
         }
+    }
+
+    /// Rounds of a mechanism until nothing changes: whether that came to be.
+    fn settle(&mut self, index: usize, impulse: &[f64], accuracy: f64) -> bool {
+        // What was corrected under other impulses says nothing here.
+        self.mechanisms[index].corrected = None;
+        let (mut corrections, mut changes) = (0, 0);
+        (0..ROUNDS).any(|_| {
+            let change = self.round(index, impulse, accuracy, corrections < CORRECTIONS, changes >= TOGETHER);
+            match change {
+                Change::Targets => corrections += 1,
+                Change::Rows => (corrections, changes) = (0, changes + 1),
+                Change::None => {}
+            }
+            change == Change::None
+        })
     }
 
     /// Whether a row of a mechanism opens faster than this (m/s).
@@ -211,7 +295,9 @@ impl Mechanisms<'_> {
     /// these impulses; else [`Self::predict`] with them, and the contact problem again.
     pub(crate) fn agree(&mut self, impulse: &[f64], tolerance: f64) -> bool {
         let accuracy = tolerance * self.scale;
-        (0..self.mechanisms.len())
-            .all(|index| self.round(index, impulse, accuracy, false, true) == Change::None)
+        (0..self.mechanisms.len()).all(|index| {
+            self.mechanisms[index].corrected = None;
+            self.round(index, impulse, accuracy, false, true) == Change::None
+        })
     }
 }
