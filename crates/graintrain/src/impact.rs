@@ -145,8 +145,8 @@ impl ImpactSolver<'_> {
                 gap <= 0.0 || gap + step * motion.later[3 * *i as usize] <= 0.0
             };
             let approaching = (0..of.contacts.len() as u32).filter(approaches);
-            let meets = |i: &u32| !self.passes(world, &of.contacts[*i as usize], &motion, *i, step);
-            let mut closing: Vec<u32> = approaching.filter(closes).filter(meets).collect();
+            let closing = approaching.filter(closes).collect();
+            let mut closing = self.meeting(world, of.contacts, &motion, closing, step);
             // What meets more others than that in a step meets the rest of them at once.
             if 2 * pass < self.parameters.passes {
                 closing = first_of_bodies(world, of.contacts, &coupled, &closing, (&motion.now, step));
@@ -188,29 +188,47 @@ impl ImpactSolver<'_> {
         Ok(Some(found))
     }
 
-    /// Whether the bodies of a contact with a gap pass each other, overlapping on their way by no more than a
-    /// fifth of what Phi + dt u_n says: the plane of an edge bars a way that leads past it, as that of the
-    /// next tile does for a ball that rolls. As they move now, for a floor carries what rolls; where that
-    /// brings them nowhere near, as they fall.
-    fn passes(&self, world: &World, contact: &Contact, motion: &Motion, index: u32, step: f64) -> bool {
-        let pair = [contact.body_a.min(contact.body_b), contact.body_a.max(contact.body_b)];
-        let balls = pair.iter().filter(|&&body| self.collider.is_ball(world, body as usize)).count();
-        if contact.gap <= 0.0 || balls == 2 || self.met.contains(&contact.identity) {
-            return false;
-        }
-        let [now, later] = motion.normal(index as usize).map(|u| contact.gap + step * u);
-        let (foreseen, falls) = if now < 0.0 { (now, 0.0) } else { (later, 1.0) };
-        let velocities = pair.map(|body| {
-            let six = 6 * body as usize..6 * body as usize + 6;
-            let (now, later) = (&motion.driven[six.clone()], &motion.free[six]);
-            [0, 3].map(|k| {
-                let (now, later) = (Vec3::from_slice(&now[k..k + 3]), Vec3::from_slice(&later[k..k + 3]));
-                now + falls * (later - now)
-            })
-        });
+    /// Those of these contacts whose bodies do not pass each other over a gap, overlapping on their way by no
+    /// more than a fifth of what Phi + dt u_n says: the plane of an edge bars a way that leads past it, as
+    /// that of the next tile does for a ball that rolls. As they move now, for a floor carries what rolls;
+    /// where that brings them nowhere near, as they fall.
+    fn meeting(
+        &self,
+        world: &World,
+        contacts: &[Contact],
+        motion: &Motion,
+        mut of: Vec<u32>,
+        step: f64,
+    ) -> Vec<u32> {
         let Repetition { spurious, undetected, .. } = *self.repetition;
-        let allowed = (-spurious * foreseen).min(undetected * self.collider.contact_size(world, contact));
-        self.collider.pass_freely(world, pair, velocities, step, allowed, 0.0)
+        // Ways to look at: the pair, whether it falls, and the overlap that its contacts allow.
+        let mut ways: Vec<([u32; 2], bool, f64, u32)> = Vec::new();
+        for &index in &of {
+            let contact = &contacts[index as usize];
+            let pair = [contact.body_a.min(contact.body_b), contact.body_a.max(contact.body_b)];
+            let balls = pair.iter().filter(|&&body| self.collider.is_ball(world, body as usize)).count();
+            if contact.gap <= 0.0 || balls == 2 || self.met.contains(&contact.identity) {
+                continue;
+            }
+            let [now, later] = motion.normal(index as usize).map(|u| contact.gap + step * u);
+            let (foreseen, falls) = if now < 0.0 { (now, false) } else { (later, true) };
+            let size = self.collider.contact_size(world, contact);
+            ways.push((pair, falls, (-spurious * foreseen).min(undetected * size), index));
+        }
+        ways.sort_by(|a, b| (a.0, a.1).cmp(&(b.0, b.1)).then(a.2.total_cmp(&b.2)));
+        let mut passing = HashSet::new();
+        for way in ways.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+            let (pair, falls, ..) = way[0];
+            let velocities = pair.map(|body| {
+                let of = if falls { &motion.free } else { &motion.driven };
+                [0, 3].map(|k| Vec3::from_slice(&of[6 * body as usize + k..]))
+            });
+            let allowed: Vec<f64> = way.iter().map(|(_, _, allowed, _)| *allowed).collect();
+            let pass = self.collider.pass_freely(world, pair, velocities, step, &allowed, 0.0);
+            passing.extend(way.iter().zip(pass).filter(|(_, pass)| *pass).map(|((.., index), _)| *index));
+        }
+        of.retain(|index| !passing.contains(index));
+        of
     }
 
     /// One part of a pass; `restitution` of the contacts of the part.

@@ -147,18 +147,19 @@ impl Collider {
     }
 
     /// Whether two bodies of the world that move with these velocities (u, w), as a step moves them, nowhere
-    /// overlap by more than `allowed` and what they fell till then, `fall` by the end of the step, m. Looked
-    /// at in so many poses that a face no more curved than the smaller body's size is not missed; where that
-    /// would take more than [`POSES`], whether they nowhere touch.
+    /// overlap by more than `allowed` and what they fell till then, `fall` by the end of the step, m: for
+    /// each of these `allowed`, ascending. Looked at in so many poses that a face no more curved than the
+    /// smaller body's size is not missed; where that would take more than [`POSES`], whether they nowhere
+    /// touch.
     pub(crate) fn pass_freely(
         &self,
         world: &World,
         pair: [u32; 2],
         mut velocities: [[Vec3; 2]; 2],
         step: f64,
-        allowed: f64,
+        allowed: &[f64],
         fall: f64,
-    ) -> bool {
+    ) -> Vec<bool> {
         let ([a, b], image) = self.placed_pair(world, pair);
         if let Some(cell) = world.cell().filter(|_| image != [0; 3]) {
             velocities[1][0] += cell.image_velocity(image);
@@ -169,27 +170,25 @@ impl Collider {
         };
         let way = step * ((velocities[0][0] - velocities[1][0]).length() + turn(0, a.form) + turn(1, b.form));
         // A chord of c leaves a circle of radius R by c^2 / 8 R.
-        let poses = way / (8.0 * allowed * a.form.size.min(b.form.size)).sqrt();
-        if poses.is_nan() {
-            return false;
-        }
-        if poses > POSES {
-            return time_of_impact(a, b, velocities[0], velocities[1], step, 0.0).is_none();
-        }
-        let poses = poses.ceil().max(1.0);
-        let mut touches = Vec::new();
-        (1..=poses as u32).all(|k| {
-            let time = step * f64::from(k) / poses;
-            touches.clear();
-            body_contacts(
-                advanced(a, velocities[0], time),
-                advanced(b, velocities[1], time),
-                0.0,
-                &mut touches,
-            );
-            let depth = allowed + fall * f64::from(k) / poses;
-            touches.iter().all(|touch| touch.gap >= -depth)
-        })
+        let poses = |allowed: f64| way / (8.0 * allowed * a.form.size.min(b.form.size)).sqrt();
+        let most = allowed.iter().copied().fold(0.0, f64::max);
+        // The deepest overlap, beyond what they fell, of a walk of so many poses: finer than the next asks for.
+        let mut overlap: Option<f64> = None;
+        let mut touch: Option<bool> = None;
+        let passes = |&allowed: &f64| {
+            let poses = poses(allowed);
+            if poses.is_nan() {
+                return false;
+            }
+            if poses > POSES {
+                let meet = || time_of_impact(a, b, velocities[0], velocities[1], step, 0.0).is_some();
+                return !*touch.get_or_insert_with(meet);
+            }
+            let walk =
+                || overlap_on_way([a, b], velocities, step, poses.ceil().max(1.0) as u32, [most, fall]);
+            *overlap.get_or_insert_with(walk) <= allowed
+        };
+        allowed.iter().map(passes).collect()
     }
 
     /// Whether two bodies that start at these places (m; orientations) and move with these velocities (m/s,
@@ -278,7 +277,7 @@ impl Collider {
             let least = group.iter().filter(closes).map(|(c, closed)| closed - c.gap).reduce(f64::min);
             let passes = least.is_some_and(|least| {
                 let allowed = (allowed * least).min(seen * size);
-                self.pass_freely(world, bodies, velocities, step, allowed, 0.0)
+                self.pass_freely(world, bodies, velocities, step, &[allowed], 0.0)[0]
             });
             let moved = |known: &(Contact, f64)| match known {
                 (c, closed) if passes && closes(&known) => Contact { gap: *closed, ..*c },
@@ -539,6 +538,30 @@ impl Collider {
         }
         contacts[first..].sort_by_key(|c| c.identity);
     }
+}
+
+/// The deepest overlap of two bodies in so many poses of their way, beyond what they fell till then
+/// (`fall` by the end of the step), m; infinite as soon as it is above `most`.
+fn overlap_on_way(
+    [a, b]: [Placed<'_>; 2],
+    velocities: [[Vec3; 2]; 2],
+    step: f64,
+    poses: u32,
+    [most, fall]: [f64; 2],
+) -> f64 {
+    let (mut deepest, mut touches) = (f64::NEG_INFINITY, Vec::new());
+    for k in 1..=poses {
+        let share = f64::from(k) / f64::from(poses);
+        let [a, b] = [(a, velocities[0]), (b, velocities[1])].map(|(x, v)| advanced(x, v, share * step));
+        touches.clear();
+        body_contacts(a, b, 0.0, &mut touches);
+        let overlaps = touches.iter().map(|touch| -touch.gap - fall * share);
+        deepest = overlaps.fold(deepest, f64::max);
+        if deepest > most {
+            return f64::INFINITY;
+        }
+    }
+    deepest
 }
 
 /// Bodies whose surfaces move by more than this fraction of the smaller one's size relative to each other

@@ -541,8 +541,8 @@ impl Stepper {
             let least = barred.iter().map(|&k| -foreseen(k) - fall).fold(f64::INFINITY, f64::min);
             let allowed = (self.parameters.repetition.spurious * least)
                 .min(self.parameters.repetition.undetected * size);
-            if !barred.is_empty() && self.collider.pass_freely(world, bodies, velocities, step, allowed, fall)
-            {
+            let pass = || self.collider.pass_freely(world, bodies, velocities, step, &[allowed], fall)[0];
+            if !barred.is_empty() && pass() {
                 found.extend(barred.iter().map(|&k| attempt.active[k] as usize));
             }
         }
