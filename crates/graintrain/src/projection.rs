@@ -53,6 +53,11 @@ const NONE: u32 = u32::MAX;
 /// Arms shorter than this fraction of their length across the normal turn nothing.
 const THROUGH_CENTRE: f64 = 1e-12;
 
+/// Bodies that are held in some directions do not open contacts that open by less than a hundredth of the way
+/// that they go: the normal of a flank may lean out of its plane by rounding alone, and a wheel that is free
+/// to go up and down would be sent a million metres up.
+const REACH: f64 = 100.0;
+
 /// A contact that a sweep finds far open is passed over in so many.
 const REST: u32 = 7;
 
@@ -131,11 +136,16 @@ impl Projection {
             let (contact, room) = contacts[k as usize];
             let normal = Vec3::from_array(contact.frame[0]);
             let (mut lever, mut mobility) = (Lever { spin: [Vec3::ZERO; 2], response: [Vec3::ZERO; 2] }, 0.0);
+            // With all that is free to a body along the normal.
+            let mut largest = 0.0;
             let sides = [(contact.body_a, 1.0, contact.arm_a), (contact.body_b, -1.0, contact.arm_b)];
             for (side, (body, sign, arm)) in sides.into_iter().enumerate().filter(|(_, side)| side.0 != FIXED)
             {
                 let (inverse, arm) = (&inverse_mass[body as usize], Vec3::from_array(arm));
                 mobility += normal.dot(Vec3::from_array(inverse.linear) * normal);
+                let moves = Vec3::from_array(inverse.linear).max_element();
+                let turns = inverse.angular.into_iter().step_by(4).fold(0.0, f64::max) * arm.length_squared();
+                largest += if moves > 0.0 { moves } else { turns };
                 let spin = arm.cross(normal);
                 if spin.length_squared() > THROUGH_CENTRE * THROUGH_CENTRE * arm.length_squared() {
                     // The inverse inertia is symmetric: rows are columns.
@@ -147,7 +157,7 @@ impl Projection {
             let turns_something = lever.spin != [Vec3::ZERO; 2];
             let place = if turns_something { all.levers.len() as u32 } else { NONE };
             all.levers.extend(turns_something.then_some(lever));
-            let mass = if mobility > 0.0 { 1.0 / mobility } else { 0.0 };
+            let mass = if mobility * REACH * REACH > largest { 1.0 / mobility } else { 0.0 };
             let (bodies, lever) = (places, place);
             all.rows.push(Row { normal, bodies, lever, rests: 0, room, mass, multiplier: 0.0 });
         }
@@ -327,6 +337,26 @@ mod tests {
         let (mut other, back) = (vec![0.0; found.len()], rows.iter().zip(room.iter().copied()).rev());
         project(back, &masses, &mut other, (1e-11, 100_000));
         assert!(found.iter().zip(&other).all(|(a, b)| (a - b).abs() < 1e-7));
+    }
+
+    /// A body that only z is free to, beside a wall whose normal leans by less than a hundredth, and one that
+    /// turns about an axis that the normal nearly goes through: to open the contact, they would have to go far.
+    #[test]
+    fn a_contact_along_which_nearly_nothing_can_move_moves_nothing() {
+        let upright = BodyInverseMass { linear: [0.0, 0.0, 1.0], angular: [0.0; 9] };
+        let hinged =
+            BodyInverseMass { linear: [0.0; 3], angular: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] };
+        for (lean, moves) in [(1e-9_f64, false), (5e-3, false), (2e-2, true)] {
+            let (sine, cosine) = lean.sin_cos();
+            let frame = [[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]];
+            for (mass, arm) in [(upright, [0.0; 3]), (hinged, [-0.5, 0.0, 0.0])] {
+                let row = RigidContact { body_a: 0, body_b: FIXED, frame, arm_a: arm, arm_b: [0.0; 3] };
+                let mut found = vec![0.0; 6];
+                project([(&row, -1e-3)].into_iter(), &[mass], &mut found, (1e-6, 40));
+                assert_eq!(found.iter().any(|&q| q != 0.0), moves, "{lean} {found:?}");
+                assert!(found.iter().all(|q| q.abs() < 0.11), "{found:?}");
+            }
+        }
     }
 
     #[test]

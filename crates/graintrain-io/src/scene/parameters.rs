@@ -77,6 +77,13 @@ impl Parameters {
         texts.collect()
     }
 
+    /// The parameters that an expression names, as written: ", with `r` = 5 kg"; nothing without any.
+    pub fn named_in(&self, text: &str) -> String {
+        let words: Vec<&str> = text.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
+        let named = self.entries.iter().filter(|entry| words.contains(&entry.key.as_str()));
+        named.map(|entry| format!(", with `{}` = {}", entry.key, as_text(&entry.node))).collect()
+    }
+
     /// Evaluates an expression written at `location`.
     pub fn evaluate(&self, text: &str, location: &Location) -> Result<Quantity, SceneError> {
         let lookup = Lookup { parameters: self, failed: RefCell::new(None) };

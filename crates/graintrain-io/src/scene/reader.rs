@@ -246,6 +246,15 @@ impl<'a> Reader<'a> {
         if keys.iter().any(|key| self.get(key).is_some()) { self.one_of(keys).map(Some) } else { Ok(None) }
     }
 
+    /// The parameters that a value names, for people.
+    fn parameters_of(&self, node: &Node) -> String {
+        if let Value::Text(text) = &node.value {
+            self.context.parameters.named_in(text)
+        } else {
+            String::new()
+        }
+    }
+
     /// What was found must have the dimension, or none.
     fn check_dimension(
         &self,
@@ -261,7 +270,7 @@ impl<'a> Reader<'a> {
             key: path.into(),
             expected: expected.to_string(),
             unit: expected.unit(),
-            found: found.to_string(),
+            found: format!("{found}{}", self.parameters_of(node)),
         };
         Err(SceneError::at(kind, &node.location))
     }
@@ -301,7 +310,8 @@ impl<'a> Reader<'a> {
             SceneErrorKind::OutOfRange {
                 key: path.into(),
                 requirement: range.requirement().into(),
-                found: format!("{value} {}", dimension.unit()).trim_end().to_string(),
+                found: format!("{value} {}", dimension.unit()).trim_end().to_string()
+                    + &self.parameters_of(node),
             },
             &node.location,
         ))
