@@ -35,7 +35,7 @@ impl Default for Parameters {
         Self {
             few: FewParameters::default(),
             bed: 1000,
-            iterations: 6000,
+            iterations: 12_000,
             many: 1024,
             most_iterations: 30_000,
             finish: 90_000,

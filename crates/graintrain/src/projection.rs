@@ -340,7 +340,8 @@ mod tests {
     }
 
     /// A body that only z is free to, beside a wall whose normal leans by less than a hundredth, and one that
-    /// turns about an axis that the normal nearly goes through: to open the contact, they would have to go far.
+    /// turns about an axis that the normal nearly goes through: to open the contact, they would have to go
+    /// far.
     #[test]
     fn a_contact_along_which_nearly_nothing_can_move_moves_nothing() {
         let upright = BodyInverseMass { linear: [0.0, 0.0, 1.0], angular: [0.0; 9] };

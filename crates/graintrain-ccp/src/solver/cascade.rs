@@ -60,7 +60,8 @@ const PATIENCE: usize = 500;
 pub struct RaceParameters {
     /// Iterations of a turn over those that there are for the race, and the least and the most of them.
     pub turn: (f64, [usize; 2]),
-    /// First turn of the first runner in such turns: most problems are solved in it.
+    /// First turn of the first runner in such turns, twice as many as its turn from no impulses has: most
+    /// problems are solved in one of them.
     pub first: usize,
     /// Contacts from which on gradients run first, where single precision serves and where it does not: ranks
     /// share them, and threads without limit. Threads share sweeps in single precision, which gain little
@@ -447,7 +448,8 @@ impl Cascade {
         let (before, last, memory) = (course.best.residual(), course.last.clone(), course.memory.clone());
         let member = stage.member + self.race.runners(problem, settings)[0];
         let own = Stage { member, task: Task::Exact, ..*stage };
-        let ended = self.make(&own, self.race.turn(share), problem, settings, limits, course)?;
+        let turn = self.race.first / 2 * self.race.turn(share);
+        let ended = self.make(&own, turn.min(share), problem, settings, limits, course)?;
         if course.best.residual() >= before {
             (course.last, course.memory) = (last, memory);
         }

@@ -23,7 +23,7 @@ table! {
         /// step uses the best impulses and counts as not converged. If these are far from a solution and no
         /// limit is given, convex problems are solved in addition, so that no bodies approach. Relaxed
         /// solves, and methods that count other iterations, have their own limits
-        max_iterations: Option<usize> = Count, "6000, more for few contacts", "2000", Positive;
+        max_iterations: Option<usize> = Count, "12000, more for few contacts", "2000", Positive;
         /// coulomb (exact) or relaxed (cone complementarity, the paper's model: a sliding contact separates
         /// by mu times its slip)
         friction: FrictionModel = Text, "\"coulomb\"", "\"relaxed\"";

@@ -172,7 +172,8 @@ impl Collider {
         // A chord of c leaves a circle of radius R by c^2 / 8 R.
         let poses = |allowed: f64| way / (8.0 * allowed * a.form.size.min(b.form.size)).sqrt();
         let most = allowed.iter().copied().fold(0.0, f64::max);
-        // The deepest overlap, beyond what they fell, of a walk of so many poses: finer than the next asks for.
+        // The deepest overlap, beyond what they fell, of a walk of so many poses: finer than the next asks
+        // for.
         let mut overlap: Option<f64> = None;
         let mut touch: Option<bool> = None;
         let passes = |&allowed: &f64| {

@@ -123,6 +123,8 @@ struct Mechanism {
     corrected: Option<Correction>,
     /// It moves as its rows say at the start of the step, since no path from there keeps it closed.
     is_straight: bool,
+    /// Motors and stops changed from row to known impulse and back and did not come to an end.
+    is_undecided: bool,
 }
 
 /// Velocities and multipliers of a mechanism.

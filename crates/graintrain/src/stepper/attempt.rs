@@ -184,8 +184,11 @@ impl Stepper {
         let mut impulse = posing.start(&pulls, last.as_ref());
         let mut bounded = None;
         let solving = Clock::now();
-        if !posing.mechanisms.is_empty() && !posing.chosen.is_empty() {
+        let is_loaded = !posing.mechanisms.is_empty() && !posing.chosen.is_empty();
+        if is_loaded {
             posing.mechanisms.predict(&body_impulses(&posing.problem, &impulse));
+        }
+        if is_loaded || posing.mechanisms.are_undecided() {
             bounded = self.bound(&mut posing, &mut impulse)?;
             posing.again();
         }
@@ -285,8 +288,8 @@ impl Stepper {
         impacts.resolve(world, of, self.settings.step)?.ok_or(StepError::Stopped)
     }
 
-    /// Finds what motors with a limit and their stops do, in one problem with the contacts, where one of them
-    /// is not at its limit. What was done for that is returned.
+    /// Finds what motors with a limit and stops do, in one problem with the contacts, where one of the motors
+    /// is not at its limit or nothing else finds it. What was done for that is returned.
     fn bound(
         &mut self,
         posing: &mut Posing<'_>,

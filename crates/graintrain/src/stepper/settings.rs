@@ -54,7 +54,7 @@ pub struct SolverChoice {
     /// otherwise.
     pub criterion: Criterion,
     /// Iterations that a connected part of the contacts may cost in a step, with exact friction; `None` is
-    /// 6 000 of projected gradients, up to 30 000 for fewer than 1 024 contacts
+    /// 12 000 of projected gradients, up to 30 000 for fewer than 1 024 contacts
     /// ([`PartParameters`](super::PartParameters)), and the own limit of methods that count something else. A
     /// step that ends so has not converged: it is made with the best impulses found, and their residual is
     /// reported.

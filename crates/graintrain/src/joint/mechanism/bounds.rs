@@ -46,13 +46,14 @@ impl Mechanisms<'_> {
         mechanism.rows.iter().any(|row| row.role == Role::Motor && self.limit(row.joint).is_some())
     }
 
-    /// Lets go the stops of mechanisms where a motor with a limit is a row, and makes of these motors what
-    /// they can do at the most: returned is what bounds them. They start from these contact impulses.
+    /// Lets go the stops of mechanisms where a motor with a limit is a row, or that are undecided, and makes
+    /// of these motors what they can do at the most: returned is what bounds them. They start from these
+    /// contact impulses.
     pub(crate) fn loosen(&mut self, impulse: &[f64]) -> Vec<Bound> {
         let mut bounds = Vec::new();
         for index in 0..self.mechanisms.len() {
             let mechanism = &self.mechanisms[index];
-            if !self.is_held(mechanism) {
+            if !(self.is_held(mechanism) || mechanism.is_undecided) {
                 continue;
             }
             let solution = self.solve(mechanism, impulse);

@@ -253,17 +253,21 @@ impl Mechanisms<'_> {
     pub(crate) fn predict(&mut self, impulse: &[f64]) {
         let fine = FINE * self.scale;
         for index in 0..self.mechanisms.len() {
-            if self.settle(index, impulse, fine) {
-                continue;
-            }
-            if self.is_open(index, impulse, STUCK * self.scale) {
+            let mut settles = self.settle(index, impulse, fine);
+            if !settles && self.is_open(index, impulse, STUCK * self.scale) {
                 // Corrections that lead nowhere must not drive it.
                 let mechanism = &mut self.mechanisms[index];
                 mechanism.is_straight = true;
                 mechanism.rows.iter_mut().for_each(|row| row.target = row.wanted);
-                self.settle(index, impulse, fine);
+                settles = self.settle(index, impulse, fine);
             }
+            self.mechanisms[index].is_undecided = !settles;
         }
+    }
+
+    /// Whether of some mechanism it was not found what its motors and stops do.
+    pub(crate) fn are_undecided(&self) -> bool {
+        self.mechanisms.iter().any(|mechanism| mechanism.is_undecided)
     }
 
     /// Rounds of a mechanism until nothing changes: whether that came to be.
