@@ -310,7 +310,7 @@ impl Stepper {
         let solved = self.solve(posing.world, &problem, &mut all);
         self.parameters.parts.few.tolerance = tolerance;
         let report = solved?.report;
-        posing.mechanisms.hold(&bounds, &all[at..at + start.len()]);
+        posing.mechanisms.hold(&bounds, (&problem, at / 3), &all);
         all.drain(at..at + start.len());
         if report.converged() {
             impulse.copy_from_slice(&all);

@@ -18,6 +18,10 @@ use crate::joint::{Limits, Motor};
 use graintrain_ccp::{BodyInverseMass, Ccp, CoupledBodies, Delassus, FIXED, RigidContact, RigidDelassus};
 use std::sync::Arc;
 
+/// The disc of a motor that its load draws along is that much faster than all other rates, at the most: by one
+/// over that the force of the motor is beyond its limit then.
+const FASTEST: f64 = 1e3;
+
 /// A coordinate, in metres, that has to stay below a rate.
 pub(crate) struct Bound {
     mechanism: usize,
@@ -108,14 +112,20 @@ impl Mechanisms<'_> {
         let (mut all, mut start) = (problem.clone(), Vec::new());
         let (mut rows, mut masses) = (rigid.contacts().to_vec(), rigid.inverse_mass().to_vec());
         let mut coupled = rigid.coupled().to_vec();
+        // Rates as they are without what motors push.
+        let rates = bounds.iter().flat_map(|bound| [bound.rate, bound.row.rate(&self.free)]);
+        let fastest = rates.fold(self.scale, |fastest, rate| fastest.max(rate.abs()));
+        all.velocity_scale = Some(all.velocity_scale.unwrap_or(0.0).max(fastest));
         for bound in bounds {
             let mobility = follow(&mut coupled[bound.mechanism], masses.len() as u32, &bound.row);
             let (body, own) = (masses.len() as u32, bound.rate - bound.row.rate(free));
             let is_motor = bound.side == 0;
             let disc = if is_motor { body + 1 } else { FIXED };
-            // Of the mass of what it brakes, if that can move.
+            // Of the mass of what it brakes, if that can move, and so heavy that what draws it along does not
+            // hide the rest.
             let light = if mobility > 0.0 { mobility } else { 1.0 };
-            let drawn = bound.slips * light;
+            let drawn = (bound.slips * light).min(FASTEST * fastest);
+            let light = if bound.slips > 0.0 { drawn / bound.slips } else { light };
             let inverse = |linear: f64| BodyInverseMass { linear: [linear, 0.0, 0.0], angular: [0.0; 9] };
             masses.extend([inverse(0.0), inverse(light)]);
             let slips = (disc, FIXED, -drawn, bound.slips - bound.start);
@@ -141,21 +151,30 @@ impl Mechanisms<'_> {
         Some((all, start))
     }
 
-    /// Takes motors and stops for what they are with these impulses of their bounds.
-    pub(crate) fn hold(&mut self, bounds: &[Bound], impulse: &[f64]) {
-        let mut impulses = impulse.chunks_exact(3).map(|g| g[0]);
+    /// Takes motors and stops for what they are in this problem, whose contacts from `at` on are those of
+    /// their bounds, with these impulses: of a contact that is solved to a tolerance the impulse or the
+    /// velocity is the larger part.
+    pub(crate) fn hold(&mut self, bounds: &[Bound], (problem, at): (&Ccp, usize), impulse: &[f64]) {
+        let mut u = vec![0.0; impulse.len()];
+        problem.delassus.multiply(impulse, &mut u, &mut problem.delassus.work());
+        let Delassus::Rigid(rigid) = &*problem.delassus else { return };
+        let acts = |k: usize| rigid.diagonal()[k][0] * impulse[3 * k] > u[3 * k] + problem.r[3 * k];
+        let mut acts = (at..).map(acts);
         for bound in bounds {
-            let (state, p) = (&mut self.states[bound.joint], impulses.next().unwrap_or(0.0));
+            let (state, p) = (&mut self.states[bound.joint], acts.next().unwrap_or(false));
             if bound.side == 0 {
-                let slips = impulses.next().is_some_and(|q| q <= 0.0);
-                state.saturated = if p <= 0.0 { 1 } else { -i8::from(slips) };
-            } else if p > 0.0 {
+                let q = acts.next().unwrap_or(false);
+                state.saturated = if p { -i8::from(!q) } else { 1 };
+            } else if p {
                 state.stopped = bound.side;
             }
         }
         let mut touched: Vec<usize> = bounds.iter().map(|bound| bound.mechanism).collect();
         touched.dedup();
-        touched.into_iter().for_each(|index| self.rearrange(index));
+        for index in touched {
+            self.mechanisms[index].is_straight = false;
+            self.rearrange(index);
+        }
     }
 }
 
