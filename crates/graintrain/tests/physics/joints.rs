@@ -746,6 +746,55 @@ fn a_motor_with_a_limit_that_meets_its_stop_has_converged() {
     }
 }
 
+/// Two wheels in gear, the one with a motor of any strength, the other with a stop or a motor of its own: at
+/// the stop the motor pushes with all its force and the stop bears it; of two motors the one that the other
+/// cannot hold has its speed.
+#[test]
+fn motors_push_against_stops_and_each_other_through_gears() {
+    let speed = |speed: f64, limit: f64| Motor::Speed {
+        speed: Profile::Constant(speed),
+        limit: Some(Profile::Constant(limit)),
+    };
+    for (limit, other, step) in [
+        (1e2, None, 1e-3),
+        (1e6, None, 5e-3),
+        (1e9, None, 1e-3),
+        (1e2, Some(2.0), 1e-3),
+        (1e6, Some(2.0), 5e-3),
+        (1e9, Some(2.0), 1e-3),
+    ] {
+        let mut world = weightless();
+        let [first, second] = [Vec3::ZERO, Vec3::X].map(|x| lump(&mut world, x, 1.0, Vec3::splat(0.05)));
+        let a = Joint::revolute(None, first, Vec3::ZERO, Vec3::Y);
+        let a = match other {
+            None => a.with_limits(Some(-0.3), Some(0.3)),
+            Some(own) => a.with_motor(speed(own, limit)),
+        };
+        let a = world.add_joint(a).unwrap();
+        let b = Joint::revolute(None, second, Vec3::X, Vec3::Y).with_motor(speed(-3.0, limit));
+        let b = world.add_joint(b).unwrap();
+        let ratio = if other.is_none() { 1.0 } else { -0.5 };
+        world.add_joint(Joint::gear([a, b], ratio)).unwrap();
+        let mut stepper = stepper(step, FrictionModel::Coulomb);
+        while world.time < 0.3 {
+            let report = stepper.step(&mut world).unwrap();
+            assert!(report.solve.converged(), "{limit} {}: {:?}", world.time, report.solve.remark);
+        }
+        let [a, b] = [a, b].map(|joint| world.joints()[joint.index()].state);
+        assert!((b.drive + limit).abs() < 1e-9 * limit, "{b:?}");
+        match other {
+            None => {
+                assert!((a.coordinate + 0.3).abs() < 1e-12 && a.rate.abs() < 1e-9, "{a:?}");
+                assert!((a.drive - limit).abs() < 1e-9 * limit, "{a:?}");
+            }
+            Some(own) => {
+                assert!((a.rate - own).abs() < 1e-9 && (b.rate + 0.5 * own).abs() < 1e-9, "{a:?} {b:?}");
+                assert!((a.drive + 0.5 * limit).abs() < 1e-9 * limit, "{a:?}");
+            }
+        }
+    }
+}
+
 /// Two light rods, joined by a ball, fall and fold over a fixed bar: joints are closed without pressing what
 /// they hold into what it touches.
 #[test]
