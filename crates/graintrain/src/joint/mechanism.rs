@@ -34,6 +34,7 @@ mod reactions;
 mod switching;
 
 pub(crate) use reactions::JointReactions;
+use switching::CLEAR;
 
 use super::elimination::Elimination;
 use super::kinematics::{Placed, Row, coordinate, held, last};
@@ -197,17 +198,20 @@ impl<'a> Mechanisms<'a> {
             return own;
         }
         let poses = |body: usize| world.pose(body);
-        let mut speed = 0.0_f64;
+        let (mut speed, mut noise) = (0.0_f64, 0.0_f64);
         for index in 0..world.joints.len() {
             let length = length_of(world, index);
             own.lengths.push(length);
             for row in held(&world.joints, index, &poses, &last(&world.joints)) {
+                noise = noise.max(own.noise(index, &row));
                 let rate = row.rate(&own.free) - row.rate(&own.before);
                 speed = speed.max(rate.abs() * if row.angular { length } else { 1.0 });
             }
         }
         let fall = world.gravity.length() * step;
-        own.scale = [fall, speed].into_iter().find(|&v| v > SLOWEST).unwrap_or(1.0);
+        let scale = [fall, speed].into_iter().find(|&v| v > SLOWEST).unwrap_or(1.0);
+        // A clear difference is none that rounding makes.
+        own.scale = scale.max(noise / CLEAR);
         // What turns steadily about its axis changes by rounding alone.
         let motion = own.before.iter().chain(&own.free).fold(0.0_f64, |most, v| most.max(v.abs()));
         own.yardstick = own.scale.max(FAINT * motion);

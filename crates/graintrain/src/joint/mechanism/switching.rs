@@ -30,7 +30,7 @@ const SAME_FORCES: f64 = 0.1;
 const DRIVEN: f64 = 0.1;
 
 /// A force beyond its limit, or a rate on the wrong side, counts from this fraction on.
-const CLEAR: f64 = 1e-9;
+pub(super) const CLEAR: f64 = 1e-9;
 
 /// What separates rounds: whether motors or stops changed, or targets.
 #[derive(PartialEq)]
