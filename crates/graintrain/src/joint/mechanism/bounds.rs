@@ -18,8 +18,8 @@ use crate::joint::{Limits, Motor};
 use graintrain_ccp::{BodyInverseMass, Ccp, CoupledBodies, Delassus, FIXED, RigidContact, RigidDelassus};
 use std::sync::Arc;
 
-/// The disc of a motor that its load draws along is that much faster than all other rates, at the most: by one
-/// over that the force of the motor is beyond its limit then.
+/// The disc of a motor that its load draws along is that much faster than all other rates, at the most: by
+/// one over that the force of the motor is beyond its limit then.
 const FASTEST: f64 = 1e3;
 
 /// A coordinate, in metres, that has to stay below a rate.
