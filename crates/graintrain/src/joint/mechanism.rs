@@ -489,13 +489,19 @@ impl<'a> Mechanisms<'a> {
     /// The same where the rows after the step are known.
     fn rates_of(&self, mechanism: &Mechanism, after: &[Option<Row>], velocity: &[f64]) -> Vec<f64> {
         let rate = |(row, after): (&ActiveRow, &Option<Row>)| match after {
-            Some(_) if mechanism.is_straight => {
-                row.row.rate_of(|body| self.velocity_of(mechanism, velocity, body))
-            }
-            Some(after) => (after.value - row.row.value) / self.step,
+            Some(after) => self.rate_of(mechanism, &row.row, Some(after), velocity),
             None => row.wanted,
         };
         mechanism.rows.iter().zip(after).map(rate).collect()
+    }
+
+    /// The rate of a row in the step with these velocities: that of the positions, or of the velocities where
+    /// the mechanism moves straight or the row is none after the step.
+    fn rate_of(&self, mechanism: &Mechanism, before: &Row, after: Option<&Row>, velocity: &[f64]) -> f64 {
+        match after {
+            Some(after) if !mechanism.is_straight => (after.value - before.value) / self.step,
+            _ => before.rate_of(|body| self.velocity_of(mechanism, velocity, body)),
+        }
     }
 
     /// Velocities of a body, six, with these of the mechanism.

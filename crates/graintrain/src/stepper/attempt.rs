@@ -261,8 +261,9 @@ impl Stepper {
         }
         let posed = relative_velocities(world.cell(), &rounds.contacts, rows, &free);
         let mut moved = self.flown_past(world, &rounds.contacts, (&velocity, &posed));
-        for (now, before) in moved.iter_mut().zip(&rounds.contacts) {
-            if rounds.kept.contains(&before.identity) {
+        for (k, (now, before)) in moved.iter_mut().zip(&rounds.contacts).enumerate() {
+            let parts = impacts.impulse.get(k).is_some_and(|impulse| impulse.length_squared() > 0.0);
+            if rounds.kept.contains(&before.identity) && !parts {
                 *now = *before;
             }
         }

@@ -33,15 +33,17 @@ impl Mechanisms<'_> {
             return found;
         }
         let poses = |body: usize| self.world.pose(body);
-        let mut velocity = self.free.clone();
-        self.velocities(impulse, &mut velocity);
         let (mut squares, mut count) = (0.0, 0);
         for mechanism in &self.mechanisms {
             let solution = self.solve(mechanism, impulse);
+            let moved = self.moved(mechanism, &solution.velocity);
+            let near = self.near(mechanism, &solution.velocity);
+            let joints = &self.world.joints;
             for &joint in &mechanism.joints {
-                if let Some(along) = coordinate(&self.world.joints, joint, &poses, &last(&self.world.joints))
-                {
-                    found.states[joint].rate = along.rate(&velocity);
+                if let Some(along) = coordinate(joints, joint, &poses, &last(joints)) {
+                    let after = coordinate(joints, joint, &moved, &near);
+                    found.states[joint].rate =
+                        self.rate_of(mechanism, &along, after.as_ref(), &solution.velocity);
                 }
             }
             let rates = self.rates(mechanism, &solution.velocity);

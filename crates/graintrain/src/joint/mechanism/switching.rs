@@ -63,11 +63,8 @@ impl Mechanisms<'_> {
                 continue;
             };
             let straight = along.rate_of(|body| self.velocity_of(mechanism, velocity, body));
-            // As rows have it: that of the positions, not of the velocities.
-            let rate = match coordinate(&world.joints, joint, &moved, &near) {
-                Some(after) if !mechanism.is_straight => (after.value - along.value) / self.step,
-                _ => straight,
-            };
+            let after = coordinate(&world.joints, joint, &moved, &near);
+            let rate = self.rate_of(mechanism, &along, after.as_ref(), velocity);
             let end = along.value + self.step * rate;
             let scale = self.scale / if along.angular { self.lengths[joint] } else { 1.0 };
             let of = |role: Role| {
