@@ -124,7 +124,7 @@ struct Mechanism {
     corrected: Option<Correction>,
     /// It moves as its rows say at the start of the step, since no path from there keeps it closed.
     is_straight: bool,
-    /// Motors and stops changed from row to known impulse and back and did not come to an end.
+    /// Rounds did not come to an end: what motors and stops do, or the path, was not found.
     is_undecided: bool,
 }
 

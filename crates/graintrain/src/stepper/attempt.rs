@@ -235,8 +235,8 @@ impl Stepper {
 
     /// The contacts of a step after its impacts, with the planes of what passes, as it moves where joints
     /// alone hold it, moved out of its way: also those of where bodies came from that part now, but for what
-    /// was seen to be met. `None` where all are as they were. Balls that no impact deflects were looked at
-    /// before.
+    /// was seen to be met and no impact parts. `None` where all are as they were. Balls that no impact
+    /// deflects were looked at before.
     fn parted(
         &self,
         world: &World,

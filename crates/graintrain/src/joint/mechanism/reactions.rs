@@ -22,7 +22,7 @@ pub(crate) struct JointReactions {
 }
 
 impl Mechanisms<'_> {
-    /// What joints did, under these contact impulses.
+    /// What joints did, under these contact impulses (N s and N m s, six numbers per body).
     pub(crate) fn reactions(&self, impulse: &[f64]) -> JointReactions {
         let mut found = JointReactions { states: self.states.clone(), ..JointReactions::default() };
         for state in &mut found.states {
