@@ -3,7 +3,7 @@
 //! | module | holds |
 //! |---|---|
 //! | [`scene`] | scene files with units, built-in scenes, packings |
-//! | [`radii`], `random` | distributions of radii, the source of random numbers |
+//! | `random` | the source of random numbers |
 //! | [`settings`] | what a run writes |
 //! | [`body_numbers`], [`stream`], [`growth`], [`open_boundaries`] | bodies that enter, leave and grow while a run goes |
 //! | [`stage`] | stages of a run, what changes from one to the next |
@@ -41,7 +41,6 @@ mod packed;
 pub mod problem_file;
 pub mod process;
 pub mod quantity;
-pub mod radii;
 mod random;
 pub mod run;
 pub mod scene;

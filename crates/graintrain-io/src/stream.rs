@@ -5,8 +5,8 @@
 //! bits.
 
 use crate::body_numbers::BodyNumbers;
-use crate::radii::{self, RadiusDistribution};
 use crate::random::Random;
+use crate::scene::radius::{self, RadiusDistribution};
 use graintrain::collide::Collider;
 use graintrain::collide::places::{Newcomer, Places};
 use graintrain::error::ModelError;
@@ -137,7 +137,7 @@ impl Stream {
     fn grain(&self, number: u64) -> Result<(Geometry, Quat), ModelError> {
         let mut random = Random::new(mix(self.seed).wrapping_add(number));
         let geometry = match &self.grain {
-            Grain::Sphere(radii) => Geometry::sphere(radii::one(radii, &mut random))?,
+            Grain::Sphere(radii) => Geometry::sphere(radius::one(radii, &mut random))?,
             Grain::Form(geometry) => geometry.clone(),
         };
         let turn = if self.random_rotation { random.rotation() } else { Quat::IDENTITY };

@@ -13,8 +13,9 @@ use super::Scene;
 use super::error::{Location, SceneError, SceneErrorKind};
 use super::mesh_file;
 use super::model::{
-    BodySpec, CentralSpec, DragSpec, FunctionFile, FunctionSpec, GrainSpec, HullSpec, LoadSpec, MeshSpec,
-    MotionSpec, PackingSource, PackingSpec, PartSpec, PressureSpec, RadiusSpec, ShapeSpec,
+    BodySpec, BoxSpec, CentralSpec, DragSpec, FunctionFile, FunctionSpec, GrainSpec, HalfSpaceSpec, HullSpec,
+    LoadSpec, MeshSpec, MotionSpec, PackingSource, PackingSpec, PartSpec, PressureSpec, RadiusSpec,
+    ShapeSpec,
 };
 use super::packing::{self, FileProblem, read_file, table_file};
 use super::periodic::{DriveSpec, PeriodicSpec};
@@ -631,8 +632,8 @@ fn shape(spec: &ShapeSpec) -> Result<Part, SceneError> {
             let made = spec.form.shape(&spec.lengths);
             made.map_err(|error| SceneError::new(SceneErrorKind::Contradiction(error.to_string()), None))?
         }
-        ShapeSpec::Box { size } => Shape::Box(Cuboid { half: 0.5 * size }),
-        ShapeSpec::Plane { normal } => {
+        ShapeSpec::Box(BoxSpec { size }) => Shape::Box(Cuboid { half: 0.5 * size }),
+        ShapeSpec::Plane(HalfSpaceSpec { normal }) => {
             return Ok(at(Shape::Plane(HalfSpace), Vec3::ZERO, Quat::from_rotation_arc(Vec3::Z, normal)));
         }
         ShapeSpec::Hull(ref spec) => {

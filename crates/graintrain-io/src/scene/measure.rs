@@ -3,7 +3,7 @@
 use super::error::{SceneError, SceneErrorKind};
 use super::names;
 use super::reader::Reader;
-use super::region::REGION;
+use super::region::RegionSpec;
 use super::schema::{Table, in_order};
 use super::table::{Choice, Spec, table};
 use crate::measure::MOST_BINS;
@@ -29,7 +29,7 @@ table! {
             "[\"rain\"]" => names::streams;
         /// Only bodies whose centre of mass is inside; the volume of stress, porosity and profiles (otherwise
         /// the box around the bodies)
-        region: Option<Region> = Table(&REGION), "everywhere",
+        region: Option<Region> = Table(RegionSpec::TABLE), "everywhere",
             "{ box = { min = [0, 0, 0], max = [1, 1, 1] } }";
         /// Records only in the stage of this name
         stage: Option<String> = Text, "all stages", "\"shear\"" => names::stage;

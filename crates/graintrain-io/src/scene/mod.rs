@@ -16,7 +16,7 @@
 //! | [`model`] | the parts of a [`Scene`] |
 //! | `packing`, `mesh_file` | packings made here or read from files; meshes |
 //! | `robot` | URDF files as bodies and joints |
-//! | `joint`, `stage`, `measure`, `stream`, `periodic`, `region`, `radius`, `solver` | these tables |
+//! | `joint`, `stage`, `measure`, `stream`, `periodic`, `region`, [`radius`], `solver` | these tables |
 //! | `build` | from [`Scene`] to [`Simulation`] |
 //! | [`builtin`] | the built-in scenes |
 //! | [`error`] | what can be wrong, and where |
@@ -38,7 +38,7 @@ mod packing;
 mod parameters;
 mod periodic;
 pub mod quantity;
-mod radius;
+pub mod radius;
 mod reader;
 mod region;
 mod robot;

@@ -19,12 +19,12 @@ pub use packing::{
     RadiusDistribution, RadiusSpec,
 };
 pub(super) use shape::SHAPE;
-pub use shape::{HullSpec, LengthsSpec, MeshSpec, ShapeSpec};
+pub use shape::{BoxSpec, HalfSpaceSpec, HullSpec, LengthsSpec, MeshSpec, ShapeSpec};
 
 use super::error::SceneError;
 use super::names;
 use super::reader::Reader;
-use super::table::{Choice, Field, table};
+use super::table::{Choice, Field, Spec, table};
 use crate::settings::Precision;
 use graintrain::assemble::OverlapCorrection;
 use graintrain::math::{Quat, Vec3};
@@ -140,7 +140,7 @@ table! {
         /// Origin of the body's frame in the world
         position: Vec3 = Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, \"5 cm\"]";
         /// Rotation of the body's frame
-        rotation: RotationSpec = Table(&ROTATION), "none", "{ axis = [0, 1, 0], angle = \"30 deg\" }";
+        rotation: RotationSpec = Table(RotationTable::TABLE), "none", "{ axis = [0, 1, 0], angle = \"30 deg\" }";
         /// Initial velocity of the centre of mass (in a periodic cell relative to its deformation)
         velocity: Vec3 = Vector(D::SPEED), "[0, 0, 0]", "[\"1 m/s\", 0, 0]";
         /// Initial angular velocity
@@ -211,20 +211,21 @@ table! {
         /// Position in the body's frame
         position: Vec3 = Vector(D::LENGTH), "[0, 0, 0]", "[\"1 m\", 0, 0]";
         /// Rotation in the body's frame
-        rotation: RotationSpec = Table(&ROTATION), "none", "{ axis = [0, 0, 1], angle = \"90 deg\" }";
+        rotation: RotationSpec = Table(RotationTable::TABLE), "none", "{ axis = [0, 0, 1], angle = \"90 deg\" }";
     }
 }
 
 table! {
-    pub(super) static ROTATION: "`rotation`",
+    /// A rotation, as a scene has it.
+    pub(super) struct RotationTable: "`rotation`",
         at most one of ["angle", "quaternion"],
         at most one of ["axis", "quaternion"] {
         /// Axis; any length
-        axis = Direction, "[0, 0, 1]", "[0, 1, 0]";
+        axis: Vec3 = Direction, "[0, 0, 1]", "[0, 1, 0]";
         /// Angle about it
-        angle = Quantity(D::ANGLE), "0", "\"30 deg\"";
+        angle: f64 = Quantity(D::ANGLE), "0", "\"30 deg\"";
         /// The same as a quaternion x, y, z, w
-        quaternion = List(D::NONE), "from axis and angle", "[0, 0, 0, 1]";
+        quaternion: Option<Vec<f64>> = List(D::NONE), "from axis and angle", "[0, 0, 0, 1]";
     }
 }
 
@@ -246,9 +247,9 @@ impl Serialize for RotationSpec {
 impl Field for RotationSpec {
     fn given(parent: &Reader, key: &str) -> Result<Option<Self>, SceneError> {
         let Some(reader) = parent.child(key)? else { return Ok(Some(Self(Quat::IDENTITY))) };
-        reader.check_alternatives()?;
-        let Some(quaternion) = reader.list("quaternion")? else {
-            return Ok(Some(Self(Quat::from_axis_angle(reader.field("axis")?, reader.field("angle")?))));
+        let RotationTable { axis, angle, quaternion } = RotationTable::read(&reader)?;
+        let Some(quaternion) = quaternion else {
+            return Ok(Some(Self(Quat::from_axis_angle(axis, angle))));
         };
         let &[x, y, z, w] = quaternion.as_slice() else {
             return Err(reader.out_of_range("quaternion", "four numbers", quaternion.len()));

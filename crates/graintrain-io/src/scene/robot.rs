@@ -12,45 +12,49 @@ use super::joint::{
     ANGLES, ActuatorSpec, JointForm, JointSpec, MotorSpec, SpringSpec, StopsSpec, TORSION_SPRING,
 };
 use super::model::{
-    BodySpec, FunctionSpec, HullSpec, MeshSpec, MotionSpec, PartSpec, ROTATION, RotationSpec, ShapeSpec,
+    BodySpec, BoxSpec, FunctionSpec, HullSpec, MeshSpec, MotionSpec, PartSpec, RotationSpec, RotationTable,
+    ShapeSpec,
 };
 use super::names;
 use super::packing::{FileProblem, read_file};
 use super::reader::Reader;
-use super::table::{Spec, table};
+use super::table::{Choice, Spec, table};
 use graintrain::joint::Pair;
 use graintrain::math::{Mat3, Pose, Quat, Vec3, parallel_axis};
 use graintrain::world::MassProperties;
+use serde::Serialize;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use urdf::{Form, Inertial, Joint, Robot};
 
 table! {
-    pub(super) static ROBOT: "`[robot.NAME]`" {
+    /// A robot.
+    pub(super) struct RobotSpec: "`[robot.NAME]`" {
         /// URDF file: its link L becomes the body `NAME/L`, its joint J the joint `NAME/J`
-        file = Text, "required", "\"arm.urdf\"";
+        file: PathBuf = Text, "required", "\"arm.urdf\"";
         /// Origin of its first link in the world
-        position = Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, \"40 cm\"]";
+        position: Vec3 = Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, \"40 cm\"]";
         /// Rotation of its first link
-        rotation = Table(&ROTATION), "none", "{ axis = [0, 0, 1], angle = \"90 deg\" }";
+        rotation: RotationSpec = Table(RotationTable::TABLE), "none",
+            "{ axis = [0, 0, 1], angle = \"90 deg\" }";
         /// Whether its first link is fixed
-        fixed = Flag, "true if its first link is called `world`", "true";
+        fixed: Option<bool> = Flag, "true if its first link is called `world`", "true";
         /// Material of its links
-        material = Text, "the only material", "\"steel\"";
+        material: String = Text, "the only material", "\"steel\"" => names::material;
         /// Whether its links collide with each other; links connected by a joint never do
-        self_collision = Flag, "false", "true";
+        self_collision: bool = Flag, "false", "true";
         /// Treatment of moments of inertia that no body can have: file (an error) or mended (they and the
         /// centre of mass are computed from mass and shapes; for a link without shape as of a sphere)
-        inertia = Text, "\"file\"", "\"mended\"" in INERTIA;
+        inertia: Inertia = Text, "\"file\"", "\"mended\"";
         /// Elements of its links used as shapes: collision or visual
-        shapes = Text, "\"collision\"", "\"visual\"" in SHAPES;
+        shapes: Element = Text, "\"collision\"", "\"visual\"";
         /// Links whose meshes are used directly, as closed surfaces, not their hulls: buckets, wheels with
         /// grousers
         solid = Texts, "none", "[\"bucket\"]";
         /// Maximum number of vertices of the hull of each mesh
-        corners = Count, "64", "128", Positive;
+        corners: u64 = Count, "64", "128", Positive;
         /// Folder that holds the packages of its `package://` paths
-        packages = Text, "searched in the parent folders of the file", "\"../share\"";
+        packages: Option<PathBuf> = Text, "searched in the parent folders of the file", "\"../share\"";
         /// Initial positions and drives of its joints, by their names in the file
         joint = Named(RobotJoint::TABLE), "as in the file",
             "{ elbow = { angle = \"-90 deg\", motor = { speed = 0 } } }";
@@ -85,9 +89,6 @@ table! {
     }
 }
 
-/// Corners of the hulls of meshes at most: robots' meshes are finer than contacts are worth.
-const CORNERS: u64 = 64;
-
 /// What a robot becomes.
 pub(super) struct Parts {
     pub bodies: Vec<(String, BodySpec)>,
@@ -121,42 +122,65 @@ struct Lump {
     is_needed: bool,
 }
 
-/// Elements of a link that have its shapes.
-const SHAPES: &[(&str, &str)] = &[("collision", "collision"), ("visual", "visual")];
+/// Which elements of a link have its shapes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub(super) enum Element {
+    Collision,
+    Visual,
+}
 
-/// What becomes of moments of inertia that no body can have, and whether that is an error.
-const INERTIA: &[(&str, bool)] = &[("file", true), ("mended", false)];
+impl Choice for Element {
+    const NAMES: &'static [(&'static str, Self)] =
+        &[("collision", Self::Collision), ("visual", Self::Visual)];
+}
+
+impl Element {
+    /// Its name in the file.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Collision => "collision",
+            Self::Visual => "visual",
+        }
+    }
+}
+
+/// What becomes of moments of inertia that no body can have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub(super) enum Inertia {
+    /// They are an error.
+    File,
+    /// They are computed from mass and shapes.
+    Mended,
+}
+
+impl Choice for Inertia {
+    const NAMES: &'static [(&'static str, Self)] = &[("file", Self::File), ("mended", Self::Mended)];
+}
 
 /// Reads a robot of the scene and its file.
 pub(super) fn read(name: &str, reader: &Reader) -> Result<Parts, SceneError> {
-    let path: PathBuf = reader.field("file")?;
+    let spec = RobotSpec::read(reader)?;
     let location = reader.location_of(&["file"]);
-    let problem = |problem: FileProblem| problem.located(&path, location);
-    let shapes = reader.choice("shapes", SHAPES)?.unwrap_or("collision");
-    let robot = urdf::read(&read_file(&path, location)?, shapes).map_err(problem)?;
+    let problem = |problem: FileProblem| problem.located(&spec.file, location);
+    let robot = urdf::read(&read_file(&spec.file, location)?, spec.shapes.name()).map_err(problem)?;
     let links: Vec<&str> = robot.links.iter().map(|link| link.name.as_str()).collect();
     let given = given(reader, &robot)?;
     let coordinates = coordinates(&robot, &given).map_err(problem)?;
     let import = Import {
         name,
         reader,
-        path: &path,
+        spec: &spec,
         owners: owners(&robot),
-        places: places(&robot, &coordinates, root_pose(reader)?),
+        places: places(&robot, &coordinates, Pose::from_parts(spec.position, spec.rotation.0)),
         lumps: Vec::new(),
         solid: names::list(reader, "solid", "link of the file", &links)?,
-        fixed: reader.flag("fixed")?.unwrap_or(robot.links[robot.root].name == "world"),
+        fixed: spec.fixed.unwrap_or(robot.links[robot.root].name == "world"),
         robot: &robot,
     };
     let import = Import { lumps: import.lumps(), ..import };
-    let material = names::material(reader, "material")?;
-    let bodies = import.bodies(&material)?;
+    let bodies = import.bodies()?;
     let joints = import.joints(given, &coordinates).map_err(problem)?;
     Ok(Parts { bodies, joints })
-}
-
-fn root_pose(reader: &Reader) -> Result<Pose, SceneError> {
-    Ok(Pose::from_parts(reader.field("position")?, reader.field::<RotationSpec>("rotation")?.0))
 }
 
 /// What the scene says of each joint of the file.
@@ -250,7 +274,7 @@ fn places(robot: &Robot, coordinates: &[f64], root: Pose) -> Vec<Pose> {
 struct Import<'a> {
     name: &'a str,
     reader: &'a Reader<'a>,
-    path: &'a Path,
+    spec: &'a RobotSpec,
     robot: &'a Robot,
     /// First links of the lumps.
     owners: Vec<usize>,
@@ -301,14 +325,14 @@ impl Import<'_> {
         format!("{}/{}", self.name, self.robot.links[link].name)
     }
 
-    fn bodies(&self, material: &str) -> Result<Vec<(String, BodySpec)>, SceneError> {
-        let collide: bool = self.reader.field("self_collision")?;
+    fn bodies(&self) -> Result<Vec<(String, BodySpec)>, SceneError> {
+        let collide = self.spec.self_collision;
         let mut bodies: Vec<(String, BodySpec)> = Vec::new();
         let in_order =
             std::iter::once(self.robot.root).chain(self.robot.joints.iter().map(|joint| joint.child));
         for owner in in_order.filter(|&link| self.owners[link] == link) {
             if self.lumps[owner].is_needed && !self.is_world(owner) {
-                let mut spec = self.body(owner, material)?;
+                let mut spec = self.body(owner)?;
                 if !collide {
                     spec.ignores = bodies.iter().map(|(name, _)| name.clone()).collect();
                 }
@@ -318,7 +342,7 @@ impl Import<'_> {
         Ok(bodies)
     }
 
-    fn body(&self, owner: usize, material: &str) -> Result<BodySpec, SceneError> {
+    fn body(&self, owner: usize) -> Result<BodySpec, SceneError> {
         let lump = &self.lumps[owner];
         let part = |(link, pose, form): &(usize, Pose, Form)| {
             let rotation = RotationSpec(pose.rotation.normalize());
@@ -338,7 +362,7 @@ impl Import<'_> {
         let Pose { translation: position, rotation } = self.places[owner];
         Ok(BodySpec {
             parts,
-            material: material.to_string(),
+            material: self.spec.material.clone(),
             position,
             rotation: RotationSpec(rotation.normalize()),
             velocity: Vec3::ZERO,
@@ -372,7 +396,7 @@ impl Import<'_> {
         let Mat3 { x_axis, y_axis, z_axis } = inertial.tensor;
         let moment = (x_axis.x + y_axis.y + z_axis.z) / 3.0;
         let ball = Inertial { tensor: Mat3::from_diagonal(Vec3::splat(moment)), ..inertial };
-        let is_mended = !self.reader.choice("inertia", INERTIA)?.unwrap_or(true);
+        let is_mended = self.spec.inertia == Inertia::Mended;
         match is_formless.then_some(ball) {
             None if is_mended => Ok(None),
             Some(ball) if is_mended && check(&ball).is_ok() => Ok(Some(ball)),
@@ -385,21 +409,21 @@ impl Import<'_> {
     }
 
     fn refuse(&self, problem: FileProblem) -> SceneError {
-        problem.located(self.path, self.reader.location_of(&["file"]))
+        problem.located(&self.spec.file, self.reader.location_of(&["file"]))
     }
 
     /// A shape of a link of this number.
     fn shape(&self, link: usize, form: &Form) -> Result<ShapeSpec, SceneError> {
         let (file, scale, line) = match *form {
             Form::Lengths(form, ref lengths) => return Ok(ShapeSpec::of_lengths(form, lengths.clone())),
-            Form::Box { size } => return Ok(ShapeSpec::Box { size }),
+            Form::Box { size } => return Ok(ShapeSpec::Box(BoxSpec { size })),
             Form::Mesh { ref file, scale, line } => (file, scale, line),
         };
         let at = |problem: String| self.refuse(FileProblem::at(line, problem));
-        let file = Some(find(file, self.path, self.reader.path("packages")?.as_deref()).map_err(at)?);
+        let file = Some(find(file, &self.spec.file, self.spec.packages.as_deref()).map_err(at)?);
         let location = self.reader.location().clone();
         if !self.solid.contains(&self.robot.links[link].name) {
-            let corners = Some(self.reader.count("corners")?.unwrap_or(CORNERS));
+            let corners = Some(self.spec.corners);
             return Ok(ShapeSpec::Hull(HullSpec { file, points: Vec::new(), scale, corners, location }));
         }
         if scale.min_element() <= 0.0 {

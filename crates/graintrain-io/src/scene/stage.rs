@@ -6,7 +6,7 @@ use super::model::{FunctionSpec, MOTIONS, MotionSpec};
 use super::names;
 use super::periodic::DriveSpec;
 use super::reader::Reader;
-use super::region::REGION;
+use super::region::RegionSpec;
 use super::schema::{Table, in_order};
 use super::stream::StreamSpec;
 use super::table::{Spec, table};
@@ -94,7 +94,7 @@ table! {
         /// Porosity at which growth and the stage end
         porosity: f64 = Quantity(D::NONE), "required", "0.4", Positive;
         /// Region in which the porosity is measured
-        region: Region = Table(&REGION), "required", "{ box = { min = [0, 0, 0], max = [1, 1, 1] } }";
+        region: Region = Table(RegionSpec::TABLE), "required", "{ box = { min = [0, 0, 0], max = [1, 1, 1] } }";
     }
 }
 

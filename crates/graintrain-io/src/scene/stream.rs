@@ -5,7 +5,7 @@ use super::measure::PlaneSpec;
 use super::model::{GrainSpec, SIZES};
 use super::names;
 use super::reader::Reader;
-use super::region::REGION;
+use super::region::RegionSpec;
 use super::table::{Spec, table};
 use graintrain::load::Region;
 
@@ -17,7 +17,7 @@ table! {
         checked by is_stream {
         /// Bodies enter completely inside, at random positions without overlap; if there is none, the
         /// insertion is delayed
-        region: Region = Table(&REGION), "required",
+        region: Region = Table(RegionSpec::TABLE), "required",
             "{ cylinder = { base = [0, 0, 1], radius = 0.1, height = 0.1 } }";
         /// The bodies.
         #[serde(flatten)]
@@ -50,9 +50,9 @@ table! {
         /// which its normal points
         Behind(PlaneSpec): behind = Table(&BEHIND), "{ point = [0, 0, -0.1], normal = [0, 0, -1] }";
         /// They leave when it is outside the region
-        Outside(Region): outside = Table(&REGION), "{ box = { min = [-1, -1, -1], max = [1, 1, 1] } }";
+        Outside(Region): outside = Table(RegionSpec::TABLE), "{ box = { min = [-1, -1, -1], max = [1, 1, 1] } }";
         /// They leave when it is inside the region
-        Inside(Region): inside = Table(&REGION), "{ box = { min = [-1, -1, -1], max = [1, 1, 0] } }";
+        Inside(Region): inside = Table(RegionSpec::TABLE), "{ box = { min = [-1, -1, -1], max = [1, 1, 0] } }";
     }
 }
 

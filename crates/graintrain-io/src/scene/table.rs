@@ -171,9 +171,9 @@ impl<T: Spec> Field for Vec<T> {
 ///
 /// ```text
 /// table! {
-///     static RADIUS: "`packing.NAME.radius`" {
-///         /// Whether fractions are by number of spheres, or by mass
-///         by = Text, "\"number\"", "\"mass\"" in BY;
+///     static FUNCTION: "Function of time" {
+///         /// A table of instants and values
+///         file = Text, "required", "\"speed.csv\"";
 ///     }
 /// }
 /// ```
@@ -201,9 +201,6 @@ macro_rules! table {
             example: $example,
             about: $about.trim_ascii_start(),
         }
-    };
-    (@one_of $first:ident $($other:ident)*) => {
-        concat!("one of ", stringify!($first) $(, ", ", stringify!($other))*)
     };
     (@table $heading:tt, [$($alternatives:tt)*], $($keys:expr,)+) => {{
         #[allow(unused_imports)]
@@ -347,9 +344,8 @@ macro_rules! table {
 
         impl $crate::scene::table::Spec for $name {
             const TABLE: &'static $crate::scene::schema::Table = {
-                const ONE_OF: &str = table!(@one_of $($key)+);
                 static TABLE: $crate::scene::schema::Table = table!(@table $heading, [[$(stringify!($key)),+]],
-                    $(&[table!(@key $key, $kind, ONE_OF, $example, concat!($($about),+), [], Vec::new)],)+);
+                    $(&[table!(@key $key, $kind, "one of", $example, concat!($($about),+), [], Vec::new)],)+);
                 &TABLE
             };
 

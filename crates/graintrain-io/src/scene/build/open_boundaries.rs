@@ -3,8 +3,8 @@
 use super::{Builder, Scene, SceneError, SceneErrorKind, form, half_thickness, model_error};
 use crate::body_numbers::Members;
 use crate::open_boundaries::OpenBoundaries;
-use crate::radii::RadiusDistribution;
 use crate::scene::model::RadiusSpec;
+use crate::scene::radius::RadiusDistribution;
 use crate::scene::{OutletSpec, StreamSpec};
 use crate::stream::{Exit, Grain, Outlet, Rate, Stream};
 use graintrain::load::Region;

@@ -3,7 +3,7 @@
 use super::super::error::{SceneError, SceneErrorKind};
 use super::super::names;
 use super::super::reader::Reader;
-use super::super::region::REGION;
+use super::super::region::RegionSpec;
 use super::super::table::{Choice, table};
 use super::FunctionSpec;
 use graintrain::load::Region;
@@ -20,7 +20,7 @@ table! {
         #[serde(skip_serializing_if = "Vec::is_empty")]
         packings: Vec<String> = Texts, "all bodies, or those of bodies", "[\"grains\"]" => names::packings;
         /// Acts only on bodies whose centre of mass is inside
-        region: Option<Region> = Table(&REGION), "everywhere",
+        region: Option<Region> = Table(RegionSpec::TABLE), "everywhere",
             "{ box = { min = [0, 0, 0], max = [1, 1, 1] } }";
         /// Force on each body; components are functions of time, `t` is the time of the run
         force: Option<[FunctionSpec; 3]> = Functions(D::FORCE, &FORCE), "none",

@@ -2,13 +2,13 @@
 
 use super::super::error::SceneError;
 use super::super::names;
-use super::super::radius::RADIUS;
+pub use super::super::radius::RadiusDistribution;
+use super::super::radius::RadiusTable;
 use super::super::reader::Reader;
-use super::super::region::{BOX_REGION, CYLINDER_REGION, region};
+use super::super::region::{RegionSpec, region};
 use super::super::table::{Choice, Spec, table};
 use super::shape::SHAPE;
 use super::{PartSpec, ShapeSpec};
-pub use crate::radii::RadiusDistribution;
 use graintrain::load::Region;
 use graintrain::math::Vec3;
 use serde::{Serialize, Serializer};
@@ -24,7 +24,7 @@ table! {
         source: PackingSource => Spec::read;
         keys of PackingSource::TABLE;
         /// Radius of the spheres: one value, or a distribution
-        radius = QuantityOr(D::LENGTH, &RADIUS), "one of radius, shape, parts; the file's",
+        radius = QuantityOr(D::LENGTH, RadiusTable::TABLE), "one of radius, shape, parts; the file's",
             "\"5 mm\"", Positive;
         /// Shape of the bodies
         shape = Table(&SHAPE), "one of radius, shape, parts", "{ box = { size = [1, 1, 1] } }";
@@ -71,7 +71,7 @@ table! {
     /// The bodies of a packing or a stream, with the keys as a stream has them.
     pub struct GrainSpec: "`[stream.NAME]`", checked by are_bodies {
         /// Radius of spheres: one value, or a distribution
-        radius: Option<RadiusSpec> = QuantityOr(D::LENGTH, &RADIUS), "one of radius, shape, parts",
+        radius: Option<RadiusSpec> = QuantityOr(D::LENGTH, RadiusTable::TABLE), "one of radius, shape, parts",
             "\"5 mm\"", Positive;
         /// Shape of the bodies
         shape: Option<ShapeSpec> = Table(&SHAPE), "one of radius, shape, parts",
@@ -101,7 +101,7 @@ fn are_bodies(GrainSpec { shape, parts, .. }: &GrainSpec, reader: &Reader) -> Re
         shape.iter().map(|shape| ("shape", shape)).chain(parts.iter().map(|part| ("parts", &part.shape)))
     {
         // Meshes do not touch each other.
-        if matches!(shape, ShapeSpec::Plane { .. } | ShapeSpec::Mesh(_)) {
+        if matches!(shape, ShapeSpec::Plane(_) | ShapeSpec::Mesh(_)) {
             return Err(reader.out_of_range(key, "a shape with volume", "a plane or mesh"));
         }
     }
@@ -147,7 +147,7 @@ table! {
         region: Region => region;
         /// Number of bodies
         count: usize = Count, "required", "500", Positive;
-        keys of OWN_REGION;
+        keys of RegionSpec::TABLE;
     }
 }
 
@@ -159,16 +159,7 @@ table! {
         /// Region.
         #[serde(flatten)]
         region: Region => region;
-        keys of OWN_REGION;
-    }
-}
-
-table! {
-    static OWN_REGION: "Region of a packing" {
-        /// Region: box
-        box = Table(&BOX_REGION), "one of box, cylinder", "{ min = [0, 0, 0], max = [1, 1, 3] }";
-        /// Region: upright cylinder
-        cylinder = Table(&CYLINDER_REGION), "one of box, cylinder", "{ radius = 1, height = 3 }";
+        keys of RegionSpec::TABLE;
     }
 }
 
@@ -257,18 +248,7 @@ impl RadiusSpec {
 
 /// The table that a scene has for a distribution, with what its shares count beside it.
 fn radius_table<S: Serializer>(distribution: &RadiusDistribution, serializer: S) -> Result<S::Ok, S::Error> {
-    #[derive(Serialize)]
-    struct RadiusTable<'a> {
-        #[serde(flatten)]
-        distribution: &'a RadiusDistribution,
-        #[serde(skip_serializing_if = "Option::is_none")]
-        by: Option<&'static str>,
-    }
-    let table = match distribution {
-        RadiusDistribution::ByMass(inner) => RadiusTable { distribution: inner, by: Some("mass") },
-        by_number => RadiusTable { distribution: by_number, by: None },
-    };
-    table.serialize(serializer)
+    distribution.table().serialize(serializer)
 }
 
 impl PackingSpec {

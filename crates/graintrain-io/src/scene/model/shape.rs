@@ -15,15 +15,9 @@ use std::path::PathBuf;
 #[serde(rename_all = "snake_case")]
 pub enum ShapeSpec {
     /// Box.
-    Box {
-        /// Edge lengths.
-        size: Vec3,
-    },
+    Box(BoxSpec),
     /// Half-space.
-    Plane {
-        /// Outward unit normal.
-        normal: Vec3,
-    },
+    Plane(HalfSpaceSpec),
     /// Convex hull.
     Hull(HullSpec),
     /// Triangles.
@@ -53,6 +47,22 @@ impl Serialize for LengthsSpec {
         let names = self.form.lengths.iter().map(|length| length.name);
         let lengths: BTreeMap<&str, f64> = names.zip(self.lengths.iter().copied()).collect();
         BTreeMap::from([(self.form.name, lengths)]).serialize(serializer)
+    }
+}
+
+table! {
+    /// A box.
+    pub struct BoxSpec: "`shape.box`" {
+        /// Edge lengths
+        size: Vec3 = Vector(D::LENGTH), "required", "[\"1 m\", \"2 m\", \"3 m\"]", Positive;
+    }
+}
+
+table! {
+    /// A half-space.
+    pub struct HalfSpaceSpec: "`shape.plane`" {
+        /// Outward normal; any length
+        normal: Vec3 = Direction, "[0, 0, 1]", "[1, 0, 0]";
     }
 }
 
@@ -113,7 +123,7 @@ impl ShapeSpec {
 
     /// Whether the shape is a boundary without mass.
     pub fn is_boundary(&self) -> bool {
-        matches!(self, Self::Plane { .. } | Self::Mesh(MeshSpec { solid: false, .. }))
+        matches!(self, Self::Plane(_) | Self::Mesh(MeshSpec { solid: false, .. }))
     }
 }
 
@@ -199,27 +209,13 @@ table! {
     /// The shapes that lengths alone do not describe.
     static OTHERS: "`shape`" {
         /// Box centred at the origin
-        box = Table(&BOX), "one of", "{ size = [1, 2, 3] }";
+        box = Table(BoxSpec::TABLE), "one of", "{ size = [1, 2, 3] }";
         /// Half-space below the plane through the origin; a massless boundary
-        plane = Table(&PLANE), "one of", "{ normal = [0, 0, 1] }";
+        plane = Table(HalfSpaceSpec::TABLE), "one of", "{ normal = [0, 0, 1] }";
         /// Convex hull of points
         hull = Table(HullSpec::TABLE), "one of", "{ file = \"stone.stl\" }";
         /// Triangle mesh: a massless boundary, or a solid
         mesh = Table(MeshSpec::TABLE), "one of", "{ file = \"hopper.stl\" }";
-    }
-}
-
-table! {
-    static BOX: "`shape.box`" {
-        /// Edge lengths
-        size = Vector(D::LENGTH), "required", "[\"1 m\", \"2 m\", \"3 m\"]", Positive;
-    }
-}
-
-table! {
-    static PLANE: "`shape.plane`" {
-        /// Outward normal; any length
-        normal = Direction, "[0, 0, 1]", "[1, 0, 0]";
     }
 }
 
@@ -236,8 +232,8 @@ fn shape(reader: &Reader) -> Result<ShapeSpec, SceneError> {
         return Ok(ShapeSpec::Lengths(LengthsSpec { form, lengths }));
     }
     Ok(match form {
-        "box" => ShapeSpec::Box { size: inner.field("size")? },
-        "plane" => ShapeSpec::Plane { normal: inner.field("normal")? },
+        "box" => ShapeSpec::Box(BoxSpec::read(&inner)?),
+        "plane" => ShapeSpec::Plane(HalfSpaceSpec::read(&inner)?),
         "hull" => ShapeSpec::Hull(HullSpec::read(&inner)?),
         _ => ShapeSpec::Mesh(MeshSpec::read(&inner)?),
     })

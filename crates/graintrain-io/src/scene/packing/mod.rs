@@ -13,7 +13,7 @@ mod yade_file;
 
 use super::error::{SceneError, SceneErrorKind};
 use super::model::{FileSpec, PackingFormat, PackingSource, PackingSpec, RadiusSpec};
-use crate::radii;
+use super::radius;
 use crate::random::Random;
 use graintrain::math::{Quat, Vec3};
 use graintrain::measure::space::volume;
@@ -102,7 +102,7 @@ pub(crate) fn place(
     let mut draw_radii = |count: usize| match (&spec.grains.radius, bounding_radius) {
         (_, Some(radius)) => vec![radius; count],
         (Some(RadiusSpec::Single(radius)), _) => vec![*radius; count],
-        (Some(RadiusSpec::Distribution(distribution)), _) => radii::draw(distribution, count, &mut random),
+        (Some(RadiusSpec::Distribution(distribution)), _) => radius::draw(distribution, count, &mut random),
         (None, None) => Vec::new(),
     };
     let mut placed = match &spec.source {

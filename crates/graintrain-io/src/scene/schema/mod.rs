@@ -12,7 +12,7 @@ use super::model::{
 };
 use super::periodic::PeriodicSpec;
 use super::quantity::Dimension;
-use super::robot::ROBOT;
+use super::robot::RobotSpec;
 use super::solver::SolverKeys;
 use super::stage::STAGE;
 use super::stream::{OutletSpec, StreamSpec};
@@ -290,7 +290,7 @@ table! {
         /// Single bodies by name
         body = Named(BodySpec::TABLE), "none", "{ ball = { shape = { sphere = { radius = 1 } } } }";
         /// Robots from URDF files, by name: bodies and joints
-        robot = Named(&ROBOT), "none", "{ arm = { file = \"arm.urdf\", fixed = true } }";
+        robot = Named(RobotSpec::TABLE), "none", "{ arm = { file = \"arm.urdf\", fixed = true } }";
         /// Many bodies at once, by name
         packing = Named(PackingSpec::TABLE), "none", "{ grains = { radius = 0.1, file = { path = \"a.csv\" } } }";
         /// Bodies that enter during the run, by name

@@ -1,130 +1,8 @@
-//! Distributions of radii.
+//! Radii drawn from distributions.
 
+use super::{Choice, Lognormal, Normal, RadiusDistribution, RadiusForm, RosinRammler, Sieves, Uniform};
 use crate::random::Random;
 use graintrain_linalg::real;
-use serde::{Deserialize, Serialize};
-
-/// Distribution of radii, m.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum RadiusDistribution {
-    /// Uniform between two radii.
-    Uniform {
-        /// Smallest.
-        min: f64,
-        /// Largest.
-        max: f64,
-    },
-    /// Normal, cut off.
-    Normal {
-        /// Before the cut.
-        mean: f64,
-        /// Standard deviation before the cut.
-        deviation: f64,
-        /// Smallest.
-        min: f64,
-        /// Largest.
-        max: f64,
-    },
-    /// Log-normal, cut off.
-    Lognormal {
-        /// Before the cut.
-        median: f64,
-        /// Standard deviation of the logarithm.
-        deviation: f64,
-        /// Smallest.
-        min: f64,
-        /// Largest.
-        max: f64,
-    },
-    /// One of several.
-    Choice {
-        /// The radii.
-        radii: Vec<f64>,
-        /// How often each is drawn.
-        weights: Vec<f64>,
-    },
-    /// One of the first four with its shares meant by mass: of spheres of one density, so many of which weigh
-    /// as much as go with the cube of the radius less.
-    ByMass(Box<RadiusDistribution>),
-    /// Rosin and Rammler, cut off: up to radius r there is the share 1 - exp(-(r / size)^spread) of the mass.
-    RosinRammler {
-        /// Up to which there are 63.2 % of the mass before the cut.
-        size: f64,
-        /// Exponent: the larger, the narrower.
-        spread: f64,
-        /// Smallest.
-        min: f64,
-        /// Largest.
-        max: f64,
-    },
-    /// A grading curve: shares of the mass that pass sieves, straight lines over the logarithm of the opening
-    /// between them.
-    Sieves {
-        /// Openings, m, ascending: the largest diameters that pass.
-        openings: Vec<f64>,
-        /// Share of the mass that passes each: ascending from 0 to 1.
-        passing: Vec<f64>,
-    },
-}
-
-impl RadiusDistribution {
-    /// The same radius always.
-    pub fn single(radius: f64) -> Self {
-        Self::Choice { radii: vec![radius], weights: vec![1.0] }
-    }
-
-    /// Whether there are only so many radii, which bodies may share.
-    pub fn is_discrete(&self) -> bool {
-        match self {
-            Self::Choice { .. } => true,
-            Self::ByMass(inner) => inner.is_discrete(),
-            _ => false,
-        }
-    }
-
-    /// Whether radii can be drawn from it.
-    pub(crate) fn is_sound(&self) -> bool {
-        let positive = |r: &f64| r.is_finite() && *r > 0.0;
-        match self {
-            Self::Choice { radii, weights } => {
-                radii.len() == weights.len() && !radii.is_empty() && radii.iter().all(positive)
-            }
-            Self::ByMass(inner) => inner.is_sound(),
-            Self::Sieves { openings, passing } => {
-                openings.len() == passing.len()
-                    && openings.len() >= 2
-                    && openings.iter().all(positive)
-                    && openings.is_sorted_by(|a, b| a < b)
-                    && passing.is_sorted()
-            }
-            _ => self.range().iter().all(positive),
-        }
-    }
-
-    /// Smallest and largest radius, m.
-    pub fn range(&self) -> [f64; 2] {
-        match self {
-            Self::Uniform { min, max }
-            | Self::Normal { min, max, .. }
-            | Self::Lognormal { min, max, .. }
-            | Self::RosinRammler { min, max, .. } => [*min, *max],
-            Self::ByMass(distribution) => distribution.range(),
-            // Sieves that hold nothing back, and those that let nothing through, bound nothing.
-            Self::Sieves { openings, passing } => {
-                let first = passing.iter().rposition(|&share| share <= 0.0).unwrap_or(0);
-                let last = passing.iter().position(|&share| share >= 1.0).unwrap_or(openings.len() - 1);
-                [0.5 * openings[first], 0.5 * openings[last]]
-            }
-            Self::Choice { radii, weights } => {
-                let drawn = radii.iter().zip(weights).filter(|(_, weight)| **weight > 0.0);
-                drawn.fold([f64::INFINITY, 0.0], |[low, high], (radius, _)| {
-                    [low.min(*radius), high.max(*radius)]
-                })
-            }
-        }
-    }
-}
 
 /// Intervals in which densities that have no closed inverse are tabulated, evenly in the logarithm of the
 /// radius.
@@ -149,22 +27,25 @@ pub(crate) fn one(distribution: &RadiusDistribution, random: &mut Random) -> f64
 }
 
 fn sampler(distribution: &RadiusDistribution) -> Sampler<'_> {
-    match distribution {
-        RadiusDistribution::Uniform { min, max } => Box::new(move |random| random.between(*min, *max)),
-        RadiusDistribution::Normal { mean, deviation, min, max } => {
+    if distribution.by_mass { by_mass(&distribution.form) } else { by_number(&distribution.form) }
+}
+
+fn by_number(form: &RadiusForm) -> Sampler<'_> {
+    match form {
+        RadiusForm::Uniform(Uniform { min, max }) => Box::new(move |random| random.between(*min, *max)),
+        RadiusForm::Normal(Normal { mean, deviation, min, max }) => {
             Box::new(move |random| within(*min, *max, || mean + deviation * random.normal()))
         }
-        RadiusDistribution::Lognormal { median, deviation, min, max } => {
+        RadiusForm::Lognormal(Lognormal { median, deviation, min, max }) => {
             Box::new(move |random| within(*min, *max, || median * real::exp(deviation * random.normal())))
         }
-        RadiusDistribution::Choice { radii, weights } => {
+        RadiusForm::Choice(Choice { radii, weights }) => {
             Box::new(move |random| radii[chosen(weights, random)])
         }
-        RadiusDistribution::ByMass(inner) => by_mass(inner),
-        RadiusDistribution::RosinRammler { size, spread, min, max } => tabulated([*min, *max], |r| {
+        RadiusForm::RosinRammler(RosinRammler { size, spread, min, max }) => tabulated([*min, *max], |r| {
             real::powf(r / size, spread - 1.0) * real::exp(-real::powf(r / size, *spread))
         }),
-        RadiusDistribution::Sieves { openings, passing } => {
+        RadiusForm::Sieves(Sieves { openings, passing }) => {
             // Within a class mass goes with d(log r), and number with r^-4 dr.
             let class = |k: usize| {
                 let (low, high) = (openings[k] / openings[0], openings[k + 1] / openings[0]);
@@ -205,22 +86,24 @@ fn chosen(weights: &[f64], random: &mut Random) -> usize {
 
 /// Radii of a distribution whose shares are meant by mass: the density by number goes with r^-3 times that by
 /// mass.
-fn by_mass(distribution: &RadiusDistribution) -> Sampler<'_> {
-    match distribution {
-        RadiusDistribution::Uniform { min, max } => Box::new(move |random| power(-3.0, [*min, *max], random)),
-        RadiusDistribution::Normal { mean, deviation, min, max } if *deviation > 0.0 => {
+fn by_mass(form: &RadiusForm) -> Sampler<'_> {
+    match form {
+        RadiusForm::Uniform(Uniform { min, max }) => {
+            Box::new(move |random| power(-3.0, [*min, *max], random))
+        }
+        RadiusForm::Normal(Normal { mean, deviation, min, max }) if *deviation > 0.0 => {
             tabulated([*min, *max], |r| real::exp(-0.5 * ((r - mean) / deviation).powi(2)))
         }
-        RadiusDistribution::Lognormal { median, deviation, min, max } if *deviation > 0.0 => {
+        RadiusForm::Lognormal(Lognormal { median, deviation, min, max }) if *deviation > 0.0 => {
             tabulated([*min, *max], |r| real::exp(-0.5 * (real::ln(r / median) / deviation).powi(2)) / r)
         }
-        RadiusDistribution::Choice { radii, weights } => {
-            let smallest = distribution.range()[0];
+        RadiusForm::Choice(Choice { radii, weights }) => {
+            let [smallest, _] = form.range();
             let number = |(radius, weight): (&f64, &f64)| weight * (smallest / radius).powi(3);
             let numbers: Vec<f64> = radii.iter().zip(weights).map(number).collect();
             Box::new(move |random| radii[chosen(&numbers, random)])
         }
-        same => sampler(same),
+        same => by_number(same),
     }
 }
 
@@ -277,25 +160,32 @@ mod tests {
     fn shares_by_mass_are_those_asked_for() {
         let count = 20_000;
         let (min, max) = (1e-3, 3e-3);
-        let of = |distribution| RadiusDistribution::ByMass(Box::new(distribution));
+        let of = |form| RadiusDistribution { form, by_mass: true };
+        let by_number = |form| RadiusDistribution { form, by_mass: false };
         let uniform = |r: f64| (r - min) / (max - min);
-        assert!(difference(&of(RadiusDistribution::Uniform { min, max }), count, uniform) < 0.02);
+        assert!(difference(&of(RadiusForm::Uniform(Uniform { min, max })), count, uniform) < 0.02);
         // The same shares by number are far from that.
-        assert!(difference(&RadiusDistribution::Uniform { min, max }, count, uniform) > 0.2);
+        assert!(difference(&by_number(RadiusForm::Uniform(Uniform { min, max })), count, uniform) > 0.2);
         let (size, spread) = (2e-3, 2.5);
         let passes = |r: f64| 1.0 - (-(r / size).powf(spread)).exp();
         let cut = |r: f64| (passes(r) - passes(min)) / (passes(max) - passes(min));
-        assert!(difference(&RadiusDistribution::RosinRammler { size, spread, min, max }, count, cut) < 0.02);
+        assert!(
+            difference(
+                &by_number(RadiusForm::RosinRammler(RosinRammler { size, spread, min, max })),
+                count,
+                cut
+            ) < 0.02
+        );
         // By mass, a log-normal of the median m is one by number of the median m exp(-3 s^2) (Hatch and
         // Choate 1929).
         let deviation = 0.2;
-        let own = of(RadiusDistribution::Lognormal { median: 2e-3, deviation, min: 5e-4, max: 6e-3 });
+        let own = of(RadiusForm::Lognormal(Lognormal { median: 2e-3, deviation, min: 5e-4, max: 6e-3 }));
         let shifted = 2e-3 * (-3.0 * deviation * deviation).exp();
         let mut radii = draw(&own, count, &mut Random::new(5));
         radii.sort_by(f64::total_cmp);
         assert!((radii[count / 2] / shifted - 1.0).abs() < 0.01, "{}", radii[count / 2]);
         assert!((radii[count / 40] / (shifted * (-1.96 * deviation).exp()) - 1.0).abs() < 0.02);
-        let normal = of(RadiusDistribution::Normal { mean: 2e-3, deviation: 3e-4, min, max });
+        let normal = of(RadiusForm::Normal(Normal { mean: 2e-3, deviation: 3e-4, min, max }));
         let mass = |range: &[f64]| range.iter().map(|r| r.powi(3)).sum::<f64>();
         let mut radii = draw(&normal, count, &mut Random::new(7));
         radii.sort_by(f64::total_cmp);
@@ -312,13 +202,16 @@ mod tests {
             let k = radii[1..3].partition_point(|&opening| opening < r);
             passing[k] + (passing[k + 1] - passing[k]) * (r / radii[k]).ln() / (radii[k + 1] / radii[k]).ln()
         };
-        let sieves = RadiusDistribution::Sieves { openings: openings.clone(), passing: passing.clone() };
-        assert!(difference(&sieves, 100_000, curve) < 0.02);
-        let open = RadiusDistribution::Sieves { openings, passing: vec![0.0, 0.0, 1.0, 1.0] };
+        let sieves = |openings: &[f64], passing: &[f64]| RadiusDistribution {
+            form: RadiusForm::Sieves(Sieves { openings: openings.to_vec(), passing: passing.to_vec() }),
+            by_mass: false,
+        };
+        assert!(difference(&sieves(&openings, &passing), 100_000, curve) < 0.02);
+        let open = sieves(&openings, &[0.0, 0.0, 1.0, 1.0]);
         assert_eq!(open.range(), [0.5e-3, 1e-3]);
         assert!(draw(&open, 1000, &mut Random::new(1)).iter().all(|r| (0.5e-3..=1e-3).contains(r)));
-        let choice = RadiusDistribution::Choice { radii: vec![1e-3, 2e-3], weights: vec![0.3, 0.7] };
-        let drawn = draw(&RadiusDistribution::ByMass(Box::new(choice)), 50_000, &mut Random::new(2));
+        let form = RadiusForm::Choice(Choice { radii: vec![1e-3, 2e-3], weights: vec![0.3, 0.7] });
+        let drawn = draw(&RadiusDistribution { form, by_mass: true }, 50_000, &mut Random::new(2));
         let small = drawn.iter().filter(|r| **r < 1.5e-3).count() as f64;
         let large = drawn.len() as f64 - small;
         assert!((small / (small + 8.0 * large) - 0.3).abs() < 0.01);
