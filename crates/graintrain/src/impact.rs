@@ -42,7 +42,7 @@ use graintrain_ccp::{
     BodyInverseMass, Ccp, CcpError, CcpSolver, CoupledBodies, Delassus, FrictionModel, Residual,
     RigidContact, SolveSettings, Status,
 };
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -108,7 +108,7 @@ pub(crate) struct ImpactSolver<'a> {
     pub parameters: &'a Parameters,
     pub friction: FrictionModel,
     /// Contacts that were seen to be met, by identity.
-    pub met: &'a HashSet<u64>,
+    pub met: &'a HashMap<u64, usize>,
     pub stop: Option<Arc<AtomicBool>>,
 }
 
@@ -207,7 +207,7 @@ impl ImpactSolver<'_> {
             let contact = &contacts[index as usize];
             let pair = [contact.body_a.min(contact.body_b), contact.body_a.max(contact.body_b)];
             let balls = pair.iter().filter(|&&body| self.collider.is_ball(world, body as usize)).count();
-            if contact.gap <= 0.0 || balls == 2 || self.met.contains(&contact.identity) {
+            if contact.gap <= 0.0 || balls == 2 || self.met.contains_key(&contact.identity) {
                 continue;
             }
             let [now, later] = motion.normal(index as usize).map(|u| contact.gap + step * u);

@@ -167,7 +167,7 @@ impl Stepper {
         let masses = inverse_mass(world);
         let impacting = Clock::now();
         let impacts =
-            self.resolve_impacts(world, Rows { contacts, rows: &rows, inverse_mass: &masses }, &rounds.kept)?;
+            self.resolve_impacts(world, Rows { contacts, rows: &rows, inverse_mass: &masses }, &rounds.met)?;
         let impact_lap = impacting.lap();
         let mut free = free_velocity(world, &impacts.velocity, step);
         // In impacts drag has no time to act.
@@ -235,8 +235,8 @@ impl Stepper {
 
     /// The contacts of a step after its impacts, with the planes of what passes, as it moves where joints
     /// alone hold it, moved out of its way: also those of where bodies came from that part now, but for what
-    /// was seen to be met and no impact parts. `None` where all are as they were. Balls that no impact
-    /// deflects were looked at before.
+    /// was seen to be met; of bodies that impacts deflect, for what was seen to be met again after that.
+    /// `None` where all are as they were. Balls that no impact deflects were looked at before.
     fn parted(
         &self,
         world: &World,
@@ -261,9 +261,18 @@ impl Stepper {
         }
         let posed = relative_velocities(world.cell(), &rounds.contacts, rows, &free);
         let mut moved = self.flown_past(world, &rounds.contacts, (&velocity, &posed));
-        for (k, (now, before)) in moved.iter_mut().zip(&rounds.contacts).enumerate() {
-            let parts = impacts.impulse.get(k).is_some_and(|impulse| impulse.length_squared() > 0.0);
-            if rounds.kept.contains(&before.identity) && !parts {
+        // Where bodies meet more others than that, planes gather, or they would take turns for ever.
+        let is_early = 2 * rounds.round < self.parameters.repetition.rounds;
+        let mut deflected = HashSet::new();
+        for (before, impulse) in rounds.contacts.iter().zip(&impacts.impulse) {
+            if impulse.length_squared() > 0.0 {
+                let pair = [before.body_a, before.body_b];
+                deflected.extend(pair.into_iter().filter(|&body| !world.is_prescribed(body as usize)));
+            }
+        }
+        for (now, before) in moved.iter_mut().zip(&rounds.contacts) {
+            let is_deflected = [before.body_a, before.body_b].iter().any(|body| deflected.contains(body));
+            if rounds.times_met(before) > usize::from(is_deflected && is_early) {
                 *now = *before;
             }
         }
@@ -275,7 +284,7 @@ impl Stepper {
         &mut self,
         world: &World,
         of: Rows<'_>,
-        met: &HashSet<u64>,
+        met: &HashMap<u64, usize>,
     ) -> Result<Impacts, StepError> {
         let mut impacts = ImpactSolver {
             solver: self.impacts.as_mut(),

@@ -141,10 +141,10 @@ pub(super) struct Rounds {
     pub(super) planes: Planes,
     /// Contacts under way that bodies are driven into all the same, by identity.
     pub(super) driven: HashSet<u64>,
-    /// Contacts that are not spurious, by identity.
-    pub(super) kept: HashSet<u64>,
+    /// How often bodies were seen to meet at a contact, by identity; one where they were is not spurious.
+    pub(super) met: HashMap<u64, usize>,
     /// Rounds made so far.
-    round: usize,
+    pub(super) round: usize,
     /// Contacts that joined after a solve.
     pub(super) added: usize,
     /// Pairs that met all the same when there were no rounds left, or overlap at the end without a contact.
@@ -163,9 +163,23 @@ impl Rounds {
     fn join(&mut self, met: Vec<Contact>) {
         let known = identities(&self.contacts);
         let (moved, new): (Vec<_>, Vec<_>) = met.into_iter().partition(|c| known.contains(&c.identity));
-        self.kept.extend(new.iter().map(|c| c.identity));
+        self.meet(new.iter().map(|c| c.identity));
         self.contacts.extend(new);
-        self.kept.extend(self.planes.put(moved, &mut self.contacts));
+        let moved = self.planes.put(moved, &mut self.contacts);
+        self.meet(moved);
+    }
+
+    /// Notes that bodies meet at these contacts.
+    fn meet(&mut self, identities: impl IntoIterator<Item = u64>) {
+        for identity in identities {
+            let of = self.planes.further.get(&identity).copied();
+            of.into_iter().chain([identity]).for_each(|k| *self.met.entry(k).or_default() += 1);
+        }
+    }
+
+    /// How often bodies were seen to meet at a contact, or at another of its planes.
+    pub(super) fn times_met(&self, contact: &Contact) -> usize {
+        self.met.get(&self.planes.of(contact)).copied().unwrap_or(0)
     }
 }
 
@@ -239,11 +253,12 @@ impl Stepper {
         let again = !(new.is_empty() && departed.is_empty());
         if again {
             rounds.added += new.len() + departed.len();
-            rounds.kept.extend(rounds.planes.put(departed, &mut rounds.contacts));
+            let departed = rounds.planes.put(departed, &mut rounds.contacts);
+            rounds.meet(departed);
             // What is linearised at the end alone did not overlap at the start.
             let at_end = new.iter().filter(|c| ends.contains(c)).map(|c| (c.identity, 0.0));
             rounds.planes.gap.extend(at_end);
-            rounds.kept.extend(new.iter().map(|c| c.identity));
+            rounds.meet(new.iter().map(|c| c.identity));
             rounds.contacts.extend(new);
             rounds.round += 1;
         } else if !undetected.is_empty() {
@@ -504,7 +519,7 @@ impl Stepper {
             let bodies = pair(group[0]);
             let (impulses, pushed) = pushes(attempt, rows, group, bodies);
             let size = self.collider.contact_size(world, contact(group[0]));
-            if !pushed || group.iter().any(|&k| rounds.kept.contains(&contact(k).identity)) {
+            if !pushed || group.iter().any(|&k| rounds.met.contains_key(&contact(k).identity)) {
                 continue;
             }
             let response = rigid.response(impulses);
