@@ -141,6 +141,7 @@ impl Warnings {
             contacts_missed: report.contacts_missed,
             penetration: report.penetration_max_over_size,
             closing: report.errors.overlap_per_step_max_over_size,
+            is_elastic: step.world.materials.has_elastic_pairs(),
         };
         self.of(step.world.step, step.world.time, &report.solve, found)
     }
@@ -176,11 +177,17 @@ impl Warnings {
         }
         if found.penetration > DEEP && !self.is_deep {
             self.is_deep = true;
-            warnings.push(format!(
-                "{place}: two bodies overlap by {:.0} % of the smaller one's radius; what follows is not to be trusted. {}",
-                100.0 * found.penetration,
-                self.cause_of_overlap(step, found)
-            ));
+            let cause = self.cause_of_overlap(step, found);
+            let percent = 100.0 * found.penetration;
+            let overlap =
+                format!("{place}: two bodies overlap by {percent:.0} % of the smaller one's radius");
+            warnings.push(match (self.passed, self.unsolved) {
+                (None, None) if found.is_elastic => format!(
+                    "{overlap}: elastic contacts give way by their load over their stiffness. A larger `stiffness` of the \
+                     materials overlaps less"
+                ),
+                _ => format!("{overlap}; what follows is not to be trusted. {cause}"),
+            });
         }
         warnings
     }
@@ -222,6 +229,8 @@ struct Found {
     is_new: bool,
     /// Overlap per step that remaining velocities make, over the smaller body's size.
     closing: f64,
+    /// Whether some contacts give way.
+    is_elastic: bool,
 }
 
 /// So many pairs passed into each other, in words.
@@ -278,6 +287,8 @@ mod tests {
         let deep = warnings.of(13, 0.325, &good, overlap(0.11));
         assert_eq!(deep.len(), 1);
         assert!(deep[0].contains("step 13 (t = 0.325") && deep[0].contains("11 %"), "{deep:?}");
+        let soft = Warnings::default().of(13, 0.325, &good, Found { is_elastic: true, ..overlap(0.11) });
+        assert!(soft[0].contains("11 %") && soft[0].contains("`stiffness`"), "{soft:?}");
         let unconverged = warnings.of(14, 0.35, &bad, overlap(2.0));
         assert_eq!(unconverged.len(), 1);
         assert!(

@@ -103,7 +103,8 @@ impl Amount {
         let bodies = &world.bodies;
         let w = bodies.orientation[body].inverse() * bodies.angular_velocity[body];
         let kinetic = 0.5
-            * (bodies.mass[body] * bodies.velocity[body].length_squared() + w.dot(bodies.inertia[body] * w));
+            * (bodies.mass[body] * world.fluctuation(body).length_squared()
+                + w.dot(bodies.inertia[body] * w));
         Self { bodies: 1, mass: bodies.mass[body], kinetic }
     }
 }
@@ -255,9 +256,11 @@ impl Stream {
                 }
                 (None, None) => world.add_geometry(geometry),
             };
+            // Relative to a cell that deforms.
+            let along = world.cell().map(|cell| cell.gradient_times(position - cell.centre()));
             let body = Body {
                 motion: self.motion,
-                velocity: self.velocity,
+                velocity: self.velocity + along.unwrap_or(Vec3::ZERO),
                 orientation,
                 ..Body::new(geometry, self.material, position)
             };

@@ -335,6 +335,16 @@ impl Cell {
         })
     }
 
+    /// What imposed stresses alone change of L in the step from `time`, 1/s; `mass` of all bodies, kg.
+    pub(crate) fn pushes(&self, mass: f64, time: f64, step: f64) -> [f64; 6] {
+        std::array::from_fn(|k| match &self.drive[k] {
+            Drive::Stress(profile) if mass > 0.0 => {
+                -step * self.volume() * profile.mean(time, step) / self.inertia(k, mass, time, step)
+            }
+            _ => 0.0,
+        })
+    }
+
     /// Deforms by a step (s) with the rates that it has.
     fn deform(&mut self, step: f64) {
         let centre = self.centre();
@@ -394,16 +404,11 @@ pub(crate) fn drive(world: &mut World, step: f64) {
     let time = world.time;
     let mass = moved_mass(world);
     let Some(cell) = world.cell.as_mut() else { return };
-    let last = gradients(cell);
+    let (last, pushes) = (gradients(cell), cell.pushes(mass, time, step));
     for (k, imposed) in cell.imposed_rates(time, step).into_iter().enumerate() {
-        match (imposed, &cell.drive[k]) {
-            (Some(rate), _) => cell.rate[k] = rate,
-            (None, Drive::Stress(profile)) if mass > 0.0 => {
-                let push =
-                    -step * cell.volume() * profile.mean(time, step) / cell.inertia(k, mass, time, step);
-                cell.rate[k] += push;
-            }
-            _ => {}
+        match imposed {
+            Some(rate) => cell.rate[k] = rate,
+            None => cell.rate[k] += pushes[k],
         }
     }
     let now = gradients(cell);

@@ -14,8 +14,7 @@
 
 use crate::cell::{Cell, Drive};
 use crate::contact::Contact;
-use crate::math::Vec3;
-use graintrain_ccp::{Ccp, CellModes, Delassus, RigidContact};
+use graintrain_ccp::{Ccp, CellModes, Delassus, RigidContact, RigidDelassus};
 use std::sync::Arc;
 
 /// The free components of L as contacts see them.
@@ -57,8 +56,12 @@ impl CellRows {
     /// The problem with the cell in N.
     pub(crate) fn posed(&self, problem: &Ccp) -> Ccp {
         let Delassus::Rigid(rigid) = &*problem.delassus else { return problem.clone() };
-        let rigid = rigid.clone().with_cell(self.modes.clone());
-        Ccp { delassus: Arc::new(Delassus::Rigid(rigid)), ..problem.clone() }
+        Ccp { delassus: Arc::new(Delassus::Rigid(self.put_into(rigid.clone()))), ..problem.clone() }
+    }
+
+    /// N with the cell.
+    pub(crate) fn put_into(&self, rigid: RigidDelassus) -> RigidDelassus {
+        rigid.with_cell(self.modes.clone())
     }
 
     /// Adds to r what a change of L (1/s) does to relative velocities.
@@ -71,13 +74,12 @@ impl CellRows {
         }
     }
 
-    /// What impulses of impacts (on body A of every contact of the step, world axes, N s; none: empty) change
-    /// of L, 1/s; `active` are the contacts of the problem among those of the step.
-    pub(crate) fn impact_change(&self, active: &[u32], impulse: &[Vec3]) -> [f64; 6] {
-        if impulse.is_empty() {
+    /// What the pulls of contacts (one each, N s; none: empty) change of L, 1/s.
+    pub(crate) fn change_by_pulls(&self, pulls: &[f64]) -> [f64; 6] {
+        if pulls.is_empty() {
             return [0.0; 6];
         }
-        self.modes.rate_change(|_, contact| impulse[active[contact] as usize].to_array())
+        self.modes.rate_change(|k, contact| self.frames[k][0].map(|n| -pulls[contact] * n))
     }
 
     /// What impulses (contact frames, N s) change of L, 1/s.
@@ -93,8 +95,9 @@ impl CellRows {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::Vec3;
     use crate::motion::Profile;
-    use graintrain_ccp::{BodyInverseMass, RigidDelassus};
+    use graintrain_ccp::BodyInverseMass;
 
     /// N g with the cell is N g without it and the relative velocities that its own change of rate makes.
     #[test]

@@ -29,6 +29,8 @@
 //! Transactions on Graphics 31(4):106, 2012.
 
 use crate::assemble::{pair_property, relative_velocities};
+use crate::cell::{COMPONENTS, Cell, moved_mass};
+use crate::cell_problem::CellRows;
 use crate::collide::Collider;
 use crate::contact::Contact;
 use crate::integrate::{free_velocity, free_velocity_of, velocities};
@@ -81,6 +83,8 @@ pub(crate) struct Impacts {
     /// Velocities after the impacts, six numbers per body; those of prescribed degrees of freedom are the
     /// ones before the step.
     pub velocity: Vec<f64>,
+    /// What they change of the rates of a periodic cell whose stress is imposed, 1/s.
+    pub rate: [f64; 6],
     /// Impulse on body A of every contact, world axes, N s; empty where there was no impact.
     pub impulse: Vec<Vec3>,
     /// Contacts resolved, over all passes.
@@ -129,14 +133,16 @@ impl ImpactSolver<'_> {
             return Ok(Some(found));
         }
         let friction = pair_property(world, of.contacts, |a, b| world.materials.pair_friction(a, b));
+        let pressed = Pressed::of(world, step);
+        let pushed = pressed.as_ref().map_or(0.0, Pressed::speed);
         let slow: Vec<f64> = of
             .contacts
             .iter()
             .map(|c| [c.body_a, c.body_b].map(|body| world.acceleration(body as usize)))
-            .map(|[a, b]| self.parameters.resting * a.max(b) * step)
+            .map(|[a, b]| self.parameters.resting * (a.max(b) * step).max(pushed))
             .collect();
         let (coupled, projected) = along_joints(world, &mut found.velocity, step);
-        let mut motion = Motion::of(world, of, &coupled, &found.velocity, step);
+        let mut motion = Motion::of(world, of, (&coupled, pressed.as_ref()), &found.velocity, step);
         for pass in 0..=self.parameters.passes {
             let approaches =
                 |i: &u32| restitution[*i as usize] > 0.0 && motion.now[3 * *i as usize] < -slow[*i as usize];
@@ -162,7 +168,11 @@ impl ImpactSolver<'_> {
                 found.impulse = vec![Vec3::ZERO; of.contacts.len()];
             }
             let mut moved = vec![false; world.bodies.len()];
-            for part in parts(of.rows, closing.iter().copied(), world.bodies.len(), &coupled) {
+            let mut all = parts(of.rows, closing.iter().copied(), world.bodies.len(), &coupled);
+            if pressed.is_some() {
+                all = vec![Part::of_all(all)];
+            }
+            for part in all {
                 let e: Vec<f64> = part
                     .contacts
                     .iter()
@@ -172,13 +182,15 @@ impl ImpactSolver<'_> {
                         at_start(restitution[i], motion.now[3 * i], fall)
                     })
                     .collect();
-                let Some(()) = self.solve(&part, (of, &coupled), [&e, &friction], &motion.now, &mut found)?
+                let cell = pressed.as_ref().map(|pressed| pressed.rows(&part, of));
+                let held = (coupled.as_slice(), cell.as_ref());
+                let Some(()) = self.solve(&part, (of, held), [&e, &friction], &motion.now, &mut found)?
                 else {
                     return Ok(None);
                 };
                 part.bodies.iter().for_each(|&body| moved[body as usize] = true);
             }
-            motion.update(world, of, &found.velocity, step, &moved);
+            motion.update(world, of, &found, step, &moved);
         }
         for Projected { body, before, along } in projected {
             let known = before.iter().zip(&along);
@@ -235,14 +247,18 @@ impl ImpactSolver<'_> {
     fn solve(
         &mut self,
         part: &Part,
-        (of, coupled): (Rows<'_>, &[CoupledBodies]),
+        (of, (coupled, cell)): (Rows<'_>, (&[CoupledBodies], Option<&CellRows>)),
         [restitution, friction]: [&[f64]; 2],
         velocity: &[f64],
         found: &mut Impacts,
     ) -> Result<Option<()>, CcpError> {
         let u = part.gather::<3, f64>(velocity);
+        let mut delassus = part.delassus(of.rows, of.inverse_mass, coupled);
+        if let Some(cell) = cell {
+            delassus = cell.put_into(delassus);
+        }
         let plastic = Ccp {
-            delassus: Arc::new(Delassus::Rigid(part.delassus(of.rows, of.inverse_mass, coupled))),
+            delassus: Arc::new(Delassus::Rigid(delassus)),
             r: u.clone(),
             friction: part.gather::<1, f64>(friction),
             turning: Vec::new(),
@@ -277,6 +293,9 @@ impl ImpactSolver<'_> {
             {
                 *v += dv;
             }
+        }
+        if let Some(cell) = cell {
+            found.rate.iter_mut().zip(cell.rate_change(&g)).for_each(|(rate, change)| *rate += change);
         }
         for (g, &i) in g.chunks_exact(3).zip(&part.contacts) {
             let [n, t1, t2] = of.rows[i as usize].frame.map(Vec3::from_array);
@@ -388,18 +407,30 @@ struct Motion {
     /// By how much contacts close faster after the step because their bodies fall, one number each: as
     /// joints let them, and those that no contact carried in the last step.
     fall: Vec<f64>,
+    /// The periodic cell as it deforms now, and as it would after the step if no contact acted.
+    cells: [Option<Cell>; 2],
+    /// What impacts have changed of its rates, 1/s.
+    rate: [f64; 6],
 }
 
 impl Motion {
-    fn of(world: &World, of: Rows<'_>, coupled: &[CoupledBodies], velocity: &[f64], step: f64) -> Self {
+    fn of(
+        world: &World,
+        of: Rows<'_>,
+        (coupled, pressed): (&[CoupledBodies], Option<&Pressed<'_>>),
+        velocity: &[f64],
+        step: f64,
+    ) -> Self {
         let free = free_velocity(world, velocity, step);
         let driven = with_driven(world, velocity, &free);
         let mut falling = free.clone();
         if !coupled.is_empty() {
             coupled_in_impacts(world, &mut falling, step);
         }
-        let pressed = world.contacts.contacts.iter().zip(&world.contacts.impulse);
-        let carried = pressed.filter(|(_, g)| **g != Vec3::ZERO).flat_map(|(c, _)| [c.body_a, c.body_b]);
+        let carrying = world.contacts.contacts.iter().zip(&world.contacts.impulse);
+        let carrying = carrying.filter(|(_, g)| **g != Vec3::ZERO);
+        let is_carried = carrying.clone().any(|(c, _)| c.image != [0; 3]);
+        let carried = carrying.flat_map(|(c, _)| [c.body_a, c.body_b]);
         // A link that a contact carries does not hold the rest of its mechanism.
         let mut is_linked = vec![false; world.bodies.len()];
         let links = coupled.iter().flat_map(|mechanism| &mechanism.bodies);
@@ -408,10 +439,17 @@ impl Motion {
             let six = 6 * body as usize..6 * body as usize + 6;
             falling[six.clone()].copy_from_slice(&driven[six]);
         }
-        let [now, later, falling] =
-            [&driven, &free, &falling].map(|v| relative_velocities(world.cell(), of.contacts, of.rows, v));
+        let after = world.cell().cloned();
+        let mut before = after.clone();
+        if let (Some(cell), Some(pressed)) = (&mut before, pressed) {
+            cell.rate.iter_mut().zip(pressed.pushes).for_each(|(rate, push)| *rate -= push);
+        }
+        let cells = [before, after];
+        let in_cell = |k: usize, v: &[f64]| relative_velocities(cells[k].as_ref(), of.contacts, of.rows, v);
+        let (now, later) = (in_cell(0, &driven), in_cell(1, &free));
+        let falling = in_cell(usize::from(!is_carried), &falling);
         let fall = now.iter().zip(&falling).step_by(3).map(|(now, falling)| now - falling).collect();
-        Self { free, driven, now, later, fall }
+        Self { free, driven, now, later, fall, cells, rate: [0.0; 6] }
     }
 
     /// Normal velocities of a contact: now, and after the step if no contact acted.
@@ -419,23 +457,31 @@ impl Motion {
         [&self.now, &self.later].map(|u| u[3 * contact])
     }
 
-    /// After these bodies got other velocities: only what they touch has changed.
-    fn update(&mut self, world: &World, of: Rows<'_>, velocity: &[f64], step: f64, moved: &[bool]) {
+    /// After these bodies got other velocities, and the cell other rates: only what they touch has changed.
+    fn update(&mut self, world: &World, of: Rows<'_>, found: &Impacts, step: f64, moved: &[bool]) {
         for body in (0..moved.len()).filter(|&body| moved[body]) {
             let six = 6 * body..6 * body + 6;
-            self.free[six].copy_from_slice(&free_velocity_of(world, velocity, body, step));
+            self.free[six].copy_from_slice(&free_velocity_of(world, &found.velocity, body, step));
             for (k, dynamic) in world.free_degrees(body).into_iter().enumerate() {
-                let of = if dynamic { velocity } else { &self.free };
+                let of = if dynamic { &found.velocity } else { &self.free };
                 self.driven[6 * body + k] = of[6 * body + k];
             }
         }
+        let has_changed = found.rate != self.rate;
+        for cell in self.cells.iter_mut().flatten() {
+            (0..6).for_each(|k| cell.rate[k] += found.rate[k] - self.rate[k]);
+        }
+        self.rate = found.rate;
         for (i, contact) in of.contacts.iter().enumerate() {
-            if moved[contact.body_a as usize] || moved[contact.body_b as usize] {
+            let is_across = has_changed && contact.image != [0; 3];
+            if is_across || moved[contact.body_a as usize] || moved[contact.body_b as usize] {
                 let one = i..i + 1;
-                for (u, v) in [(&mut self.now, &self.driven), (&mut self.later, &self.free)] {
-                    let (contacts, rows) = (&of.contacts[one.clone()], &of.rows[one.clone()]);
+                let (contacts, rows) = (&of.contacts[one.clone()], &of.rows[one]);
+                let [now, later] = &self.cells;
+                let with = [(&mut self.now, now, &self.driven), (&mut self.later, later, &self.free)];
+                for (u, cell, v) in with {
                     u[3 * i..3 * i + 3].copy_from_slice(&relative_velocities(
-                        world.cell(),
+                        cell.as_ref(),
                         contacts,
                         rows,
                         v,
@@ -443,6 +489,37 @@ impl Motion {
                 }
             }
         }
+    }
+}
+
+/// A periodic cell whose stress is imposed.
+struct Pressed<'a> {
+    cell: &'a Cell,
+    /// Of the components of L, kg m^2.
+    inertia: [f64; 6],
+    /// What the stress has changed of them in this step, 1/s.
+    pushes: [f64; 6],
+}
+
+impl<'a> Pressed<'a> {
+    fn of(world: &'a World, step: f64) -> Option<Self> {
+        let cell = world.cell().filter(|cell| cell.has_stress())?;
+        let (mass, time) = (moved_mass(world), world.time);
+        let inertia = std::array::from_fn(|k| cell.inertia(k, mass, time, step));
+        Some(Self { cell, inertia, pushes: cell.pushes(mass, time, step) })
+    }
+
+    /// Velocity that the stress gives to what is an edge apart in a step, m/s.
+    fn speed(&self) -> f64 {
+        let edges = self.cell.size.to_array();
+        let speeds = COMPONENTS.into_iter().zip(self.pushes).map(|((_, j), push)| (push * edges[j]).abs());
+        speeds.fold(0.0, f64::max)
+    }
+
+    fn rows(&self, part: &Part, of: Rows<'_>) -> CellRows {
+        let contacts: Vec<Contact> = part.contacts.iter().map(|&i| of.contacts[i as usize]).collect();
+        let rows: Vec<RigidContact> = part.contacts.iter().map(|&i| of.rows[i as usize]).collect();
+        CellRows::new(self.cell, &contacts, &rows, |k| self.inertia[k])
     }
 }
 

@@ -78,6 +78,18 @@ pub(crate) fn parts(
 }
 
 impl Part {
+    /// One part of all of these.
+    pub(crate) fn of_all(parts: Vec<Self>) -> Self {
+        let (mut contacts, mut bodies) = (Vec::new(), Vec::new());
+        for part in parts {
+            contacts.extend(part.contacts);
+            bodies.extend(part.bodies);
+        }
+        contacts.sort_unstable();
+        bodies.sort_unstable();
+        Self { contacts, bodies }
+    }
+
     /// N of the part alone, its bodies numbered in the order of [`Self::bodies`].
     pub(crate) fn delassus(
         &self,

@@ -5,7 +5,9 @@ use super::error::check_velocity;
 use super::mobility;
 use super::repetition::Rounds;
 use super::{StepError, Stepper};
-use crate::assemble::{OverlapCorrection, assemble, contact_rows, of_each, relative_velocities, warm_start};
+use crate::assemble::{
+    OverlapCorrection, assemble, contact_rows, of_each, relative_velocities, scale_under, warm_start,
+};
 use crate::cell::{Cell, moved_mass};
 use crate::cell_problem::CellRows;
 use crate::clock::Clock;
@@ -193,7 +195,7 @@ impl Stepper {
             posing.again();
         }
         let WithCell { mut solved, posed, cell } =
-            self.solve_with_cell(&mut posing, &impacts, &mut impulse)?;
+            self.solve_with_cell(&mut posing, &impacts, &pulls, &mut impulse)?;
         if let Some(earlier) = bounded {
             solved.report = solved.report.after(&earlier);
         }
@@ -212,6 +214,7 @@ impl Stepper {
                 Some(format!("motors, stops, swings and contacts did not agree in {rounds} rounds"));
         }
         rounds.iterations += solve.iterations;
+        rounds.unsolved += usize::from(!solve.converged());
         rounds.laps.add(|phases| &mut phases.assemble, solving - begin);
         rounds.laps.subtract(|phases| &mut phases.assemble, impact_lap);
         rounds.laps.add(|phases| &mut phases.solve, impact_lap);
@@ -367,6 +370,7 @@ impl Stepper {
         &mut self,
         posing: &mut Posing<'_>,
         impacts: &Impacts,
+        pulls: &[f64],
         impulse: &mut [f64],
     ) -> Result<WithCell, CcpError> {
         let Posing { world, chosen, active, problem, .. } = posing;
@@ -383,9 +387,14 @@ impl Stepper {
             let solved = self.solve(world, problem, impulse)?;
             return Ok(WithCell { solved, posed: None, cell });
         };
-        let of_impacts = rows.impact_change(active, &impacts.impulse);
-        let mut free: [f64; 6] = std::array::from_fn(|k| cell_now.rate[k] + of_impacts[k]);
-        rows.shift(&of_impacts, &mut problem.r);
+        let pulls: Vec<f64> = active.iter().filter_map(|&i| pulls.get(i as usize).copied()).collect();
+        let by_pulls = rows.change_by_pulls(&pulls);
+        let change: [f64; 6] = std::array::from_fn(|k| impacts.rate[k] + by_pulls[k]);
+        let mut free: [f64; 6] = std::array::from_fn(|k| cell_now.rate[k] + change[k]);
+        rows.shift(&change, &mut problem.r);
+        let contacts = 3 * problem.num_contacts();
+        problem.velocity_scale =
+            scale_under(world.gravity.length(), step, &problem.r[..contacts], &problem.friction);
         let mut last: Option<SolveReport> = None;
         loop {
             let posed = (!rows.is_empty()).then(|| rows.posed(problem));

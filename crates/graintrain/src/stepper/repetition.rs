@@ -51,6 +51,9 @@ pub struct Parameters {
     /// reported. Two or three do, but where bodies cross the scene in a step each round may send them on to
     /// others.
     pub rounds: usize,
+    /// Of them, those that a solve which did not reach its tolerance makes: each may cost the whole budget,
+    /// and what it shows of other contacts is as uncertain as its velocities.
+    pub unsolved_rounds: usize,
     /// Rounds in which contacts may be left out.
     pub spurious_rounds: usize,
     /// Solves of the contacts for joints whose motors, stops or paths turned out otherwise than foreseen;
@@ -68,6 +71,7 @@ impl Default for Parameters {
             spurious: 0.2,
             fallen: 0.1,
             rounds: 30,
+            unsolved_rounds: 1,
             spurious_rounds: 3,
             joint_rounds: 12,
         }
@@ -145,6 +149,8 @@ pub(super) struct Rounds {
     pub(super) met: HashMap<u64, usize>,
     /// Rounds made so far.
     pub(super) round: usize,
+    /// Solves so far that did not reach their tolerance.
+    pub(super) unsolved: usize,
     /// Contacts that joined after a solve.
     pub(super) added: usize,
     /// Pairs that met all the same when there were no rounds left, or overlap at the end without a contact.
@@ -157,6 +163,11 @@ pub(super) struct Rounds {
 impl Rounds {
     pub(super) fn of(contacts: Vec<Contact>) -> Self {
         Self { contacts, ..Self::default() }
+    }
+
+    /// Whether the step is not made again, whatever is found.
+    fn is_last(&self, parameters: &Parameters) -> bool {
+        self.round >= parameters.rounds || self.unsolved > parameters.unsolved_rounds
     }
 
     /// Adds contacts that bodies meet on their way; of one that they have, a further plane.
@@ -196,7 +207,7 @@ impl Stepper {
         attempt: &Attempt,
     ) -> Result<bool, StepError> {
         let begin = Clock::now();
-        let is_last = rounds.round >= self.parameters.repetition.rounds;
+        let is_last = rounds.is_last(&self.parameters.repetition);
         let closed = self.closed(world, &rounds.contacts, attempt);
         let (mut on_the_way, mut spurious) = (Vec::new(), Vec::new());
         if closed.is_empty() && !is_last {
@@ -204,6 +215,7 @@ impl Stepper {
         }
         if closed.is_empty()
             && on_the_way.is_empty()
+            && !is_last
             && rounds.round < self.parameters.repetition.spurious_rounds
         {
             spurious = self.spurious(world, rounds, attempt);
@@ -236,7 +248,7 @@ impl Stepper {
         made: &Made,
     ) -> bool {
         let begin = Clock::now();
-        let is_last = rounds.round >= self.parameters.repetition.rounds;
+        let is_last = rounds.is_last(&self.parameters.repetition);
         let Made { attempt, ahead, .. } = made;
         let [deep, undetected] = self.deep(world, start, &rounds.contacts, ahead);
         let departed = if is_last { Vec::new() } else { self.departed(world, start, rounds, attempt, &deep) };

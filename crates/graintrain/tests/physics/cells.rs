@@ -251,6 +251,65 @@ fn stress_across_the_boundary() {
     assert!(found.kinetic.x_axis.x.abs() < 1e-9);
 }
 
+/// Balls of 0.1 m that touch on a cubic lattice in a cell of edge 0.6 under this pressure.
+fn pressed_lattice(restitution: f64, pressure: f64) -> World {
+    let mut world = empty(0.3, restitution);
+    for k in 0..27 {
+        let place = Vec3::new(f64::from(k % 3), f64::from(k / 3 % 3), f64::from(k / 9));
+        add_sphere(&mut world, 0.1, 0.2 * place + 0.1 * Vec3::ONE);
+    }
+    world.set_cell(Some(Cell { drive: pressed(pressure), ..held(0.6) })).unwrap();
+    world
+}
+
+/// What pulls inside a cell is part of the stress that balances the imposed one: the mean stress is that, and
+/// up to F / d^2 a cell can be pulled at. Restitution makes no energy from the push of a step, nor where
+/// contacts close with the cell.
+#[test]
+fn the_imposed_stress_is_met_with_cohesion_and_restitution() {
+    for model in BOTH {
+        for (force, restitution, imposed) in [(20.0, 0.0, 1e3), (40.0, 0.0, -500.0), (0.0, 0.5, 1e3)] {
+            let mut world = pressed_lattice(restitution, imposed);
+            world.materials.set_pair_cohesion(MaterialId::default(), MaterialId::default(), force).unwrap();
+            let mut stepper = stepper(2e-3, 0.01, 1e-4, model);
+            run(&mut stepper, &mut world, 100);
+            let found = pressure_of(&world, 2e-3, &[true; 27]);
+            assert_close(found, imposed, 1e-3 * imposed.abs(), "mean stress");
+            assert!((world.cell().unwrap().size - 0.6 * Vec3::ONE).length() < 1e-4);
+        }
+    }
+}
+
+/// A cell that closes along x on three balls in a row, whose ends meet through the boundary: with W = 3 m H^2
+/// / 12 the impulse (1 + e) |L| H / (2 / m + H^2 / W) leaves L (1 - (1 + e) 2 / 3). At last it is at rest.
+#[test]
+fn a_cell_that_closes_bounces_with_the_restitution() {
+    for (model, e) in BOTH.into_iter().flat_map(|model| [(model, 0.5), (model, 0.8)]) {
+        let mut world = empty(0.0, e);
+        for k in 0..3 {
+            add_sphere(&mut world, 0.05, Vec3::new(0.0505 + 0.101 * f64::from(k), 0.15, 0.15));
+        }
+        let mut cell = held(0.303);
+        cell.drive[0] = Drive::Stress(Profile::Constant(100.0));
+        world.set_cell(Some(cell)).unwrap();
+        let mut fine = stepper(1e-5, 0.01, 1e-6, model);
+        let rate = |world: &World| world.cell().unwrap().rate[0];
+        let mut before = 0.0;
+        while world.contacts.impulse.iter().all(|g| *g == Vec3::ZERO) {
+            before = rate(&world);
+            solved_step(&mut fine, &mut world);
+        }
+        assert_close(rate(&world) / before, 1.0 - (1.0 + e) * 2.0 / 3.0, 0.02, "first bounce");
+        let mut coarse = stepper(1e-3, 0.01, 1e-4, model);
+        for _ in 0..1_000 {
+            solved_step(&mut coarse, &mut world);
+            // It has come a third of its way there.
+            assert!(rate(&world).abs() < 3.0_f64.sqrt() * before.abs());
+        }
+        assert!(rate(&world).abs() < 1e-3 && (world.cell().unwrap().size.x - 0.3).abs() < 1e-5);
+    }
+}
+
 /// A floor in a cell that repeats along x and y: a pile at rest on it, seen wherever.
 #[test]
 fn a_layer_on_a_floor() {
