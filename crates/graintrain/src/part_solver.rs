@@ -44,11 +44,13 @@ impl Default for Parameters {
 }
 
 impl Parameters {
-    /// Iterations that a part of so many contacts may cost, and those of its finish.
-    fn iterations(&self, contacts: usize) -> [usize; 2] {
+    /// Iterations that a part of so many contacts may cost, and those of its finish, where so many solves of
+    /// the step did not reach the tolerance: the k-th one gets a k-th of the first, and 30 of them cost what
+    /// four do.
+    fn iterations(&self, contacts: usize, unsolved: usize) -> [usize; 2] {
         let own =
             (self.iterations * self.many / contacts.max(1)).clamp(self.iterations, self.most_iterations);
-        [own, self.finish * self.many / contacts.max(self.many)]
+        [own, self.finish * self.many / contacts.max(self.many)].map(|most| most / (1 + unsolved))
     }
 }
 
@@ -82,6 +84,8 @@ pub(crate) struct PartSolver<'a> {
     pub gravity: f64,
     /// dt, s.
     pub step: f64,
+    /// Solves of this step that did not reach the tolerance.
+    pub unsolved: usize,
 }
 
 impl PartSolver<'_> {
@@ -140,7 +144,7 @@ impl PartSolver<'_> {
         if settings.max_iterations.is_some() || !is_exact {
             return settings;
         }
-        let [iterations, finish] = self.parameters.iterations(problem.num_contacts());
+        let [iterations, finish] = self.parameters.iterations(problem.num_contacts(), self.unsolved);
         SolveSettings { max_iterations: Some(iterations), finish, ..settings }
     }
 

@@ -142,6 +142,41 @@ fn streams_and_outlets_keep_their_books_and_survive_interruptions() {
     }
 }
 
+/// Energies are relative to a cell that deforms, and so is the velocity with which a body enters it,
+/// whenever.
+#[test]
+fn a_body_enters_a_deforming_cell_with_its_velocity_relative_to_it() {
+    for start in ["0", "0.01"] {
+        let text = format!(
+            r#"
+gravity = [0, 0, 0]
+[time]
+step = "1 ms"
+steps = 50
+[material.a]
+[periodic]
+min = [0, 0, 0]
+max = [1, 1, 1]
+rate = {{ xy = 0.5 }}
+[stream.s]
+radius = 0.05
+velocity = [1, 0, 0]
+count = 1
+start = {start}
+region = {{ box = {{ min = [0.1, 0.1, 0.7], max = [0.9, 0.9, 0.95] }} }}
+[measure.e]
+energy = true
+exchange = true
+"#
+        );
+        let folder = tempfile::tempdir().unwrap();
+        run(&text, folder.path(), &[]);
+        let read = table(folder.path(), "measures/e.csv");
+        let [kinetic, entered] = ["kinetic", "entered_energy"].map(|column| *read(column).last().unwrap());
+        assert!(entered > 0.2 && (kinetic - entered).abs() < 1e-12 * entered, "{start}: {kinetic} {entered}");
+    }
+}
+
 #[test]
 fn a_body_that_finds_no_place_waits_and_this_is_said() {
     let text = r#"

@@ -80,6 +80,8 @@ struct Posing<'a> {
     problem: Ccp,
     /// Velocities without contacts: with joints that nothing else pulls at.
     free: Vec<f64>,
+    /// Solves of this step so far that did not reach the tolerance.
+    unsolved: usize,
 }
 
 impl<'a> Posing<'a> {
@@ -92,7 +94,7 @@ impl<'a> Posing<'a> {
     ) -> Self {
         let (problem, free) = pose(world, how, &mechanisms, contacts, (rows, masses));
         let active = (0..contacts.len() as u32).collect();
-        Self { world, how, mechanisms, chosen: contacts.into(), active, problem, free }
+        Self { world, how, mechanisms, chosen: contacts.into(), active, problem, free, unsolved: 0 }
     }
 
     /// Poses the problem anew, as the joints now are.
@@ -182,6 +184,7 @@ impl Stepper {
         let contacts = moved.as_deref().unwrap_or(contacts);
         let how = (step, self.settings.overlap);
         let mut posing = Posing::new(world, how, contacts, (rows, masses), mechanisms);
+        posing.unsolved = rounds.unsolved;
         let immobile = posing.leave_immobile_out(&rounds.driven);
         let mut impulse = posing.start(&pulls, last.as_ref());
         let mut bounded = None;
@@ -320,7 +323,7 @@ impl Stepper {
         let mut all = [&impulse[..at], &start, &impulse[at..]].concat();
         // Which of them act is all that is asked for.
         let tolerance = std::mem::replace(&mut self.parameters.parts.few.tolerance, ROUGH);
-        let solved = self.solve(posing.world, &problem, &mut all);
+        let solved = self.solve(posing.world, &problem, &mut all, posing.unsolved);
         self.parameters.parts.few.tolerance = tolerance;
         let report = solved?.report;
         posing.mechanisms.hold(&bounds, (&problem, at / 3), &all);
@@ -353,7 +356,7 @@ impl Stepper {
             }
             posing.mechanisms.predict(&on_bodies);
             posing.again();
-            let again = self.solve(posing.world, &posing.problem, impulse)?;
+            let again = self.solve(posing.world, &posing.problem, impulse, posing.unsolved)?;
             *solved = Solved { report: again.report.after(&solved.report), ..again };
             on_bodies = body_impulses(&posing.problem, impulse);
         }
@@ -373,7 +376,7 @@ impl Stepper {
         pulls: &[f64],
         impulse: &mut [f64],
     ) -> Result<WithCell, CcpError> {
-        let Posing { world, chosen, active, problem, .. } = posing;
+        let Posing { world, chosen, active, problem, unsolved, .. } = posing;
         let mut cell = world.cell().cloned();
         let (time, step) = (world.time, self.settings.step);
         let mass = moved_mass(world);
@@ -384,7 +387,7 @@ impl Stepper {
             _ => None,
         };
         let (Some(mut rows), Some(cell_now)) = (rows, &mut cell) else {
-            let solved = self.solve(world, problem, impulse)?;
+            let solved = self.solve(world, problem, impulse, *unsolved)?;
             return Ok(WithCell { solved, posed: None, cell });
         };
         let pulls: Vec<f64> = active.iter().filter_map(|&i| pulls.get(i as usize).copied()).collect();
@@ -398,7 +401,7 @@ impl Stepper {
         let mut last: Option<SolveReport> = None;
         loop {
             let posed = (!rows.is_empty()).then(|| rows.posed(problem));
-            let mut solved = self.solve(world, posed.as_ref().unwrap_or(problem), impulse)?;
+            let mut solved = self.solve(world, posed.as_ref().unwrap_or(problem), impulse, *unsolved)?;
             if let Some(last) = &last {
                 solved.report = solved.report.after(last);
             }
@@ -421,13 +424,19 @@ impl Stepper {
     }
 
     /// Solves the problem part by part.
-    fn solve(&mut self, world: &World, problem: &Ccp, impulse: &mut [f64]) -> Result<Solved, CcpError> {
+    fn solve(
+        &mut self,
+        world: &World,
+        problem: &Ccp,
+        impulse: &mut [f64],
+        unsolved: usize,
+    ) -> Result<Solved, CcpError> {
         let settings = SolveSettings { curvature: world.contacts.curvature, ..self.solve_settings() };
         // A method that keeps something from step to step has to see the same problem again.
         let whole = self.settings.solver.name.keeps_between_steps();
         let (gravity, step) = (world.gravity.length(), self.settings.step);
         let parameters = &self.parameters.parts;
-        PartSolver { solver: self.solver.as_mut(), settings, parameters, whole, gravity, step }
+        PartSolver { solver: self.solver.as_mut(), settings, parameters, whole, gravity, step, unsolved }
             .solve(problem, impulse)
     }
 }

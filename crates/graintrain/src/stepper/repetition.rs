@@ -51,9 +51,6 @@ pub struct Parameters {
     /// reported. Two or three do, but where bodies cross the scene in a step each round may send them on to
     /// others.
     pub rounds: usize,
-    /// Of them, those that a solve which did not reach its tolerance makes: each may cost the whole budget,
-    /// and what it shows of other contacts is as uncertain as its velocities.
-    pub unsolved_rounds: usize,
     /// Rounds in which contacts may be left out.
     pub spurious_rounds: usize,
     /// Solves of the contacts for joints whose motors, stops or paths turned out otherwise than foreseen;
@@ -71,7 +68,6 @@ impl Default for Parameters {
             spurious: 0.2,
             fallen: 0.1,
             rounds: 30,
-            unsolved_rounds: 1,
             spurious_rounds: 3,
             joint_rounds: 12,
         }
@@ -165,11 +161,6 @@ impl Rounds {
         Self { contacts, ..Self::default() }
     }
 
-    /// Whether the step is not made again, whatever is found.
-    fn is_last(&self, parameters: &Parameters) -> bool {
-        self.round >= parameters.rounds || self.unsolved > parameters.unsolved_rounds
-    }
-
     /// Adds contacts that bodies meet on their way; of one that they have, a further plane.
     fn join(&mut self, met: Vec<Contact>) {
         let known = identities(&self.contacts);
@@ -207,7 +198,7 @@ impl Stepper {
         attempt: &Attempt,
     ) -> Result<bool, StepError> {
         let begin = Clock::now();
-        let is_last = rounds.is_last(&self.parameters.repetition);
+        let is_last = rounds.round >= self.parameters.repetition.rounds;
         let closed = self.closed(world, &rounds.contacts, attempt);
         let (mut on_the_way, mut spurious) = (Vec::new(), Vec::new());
         if closed.is_empty() && !is_last {
@@ -215,7 +206,6 @@ impl Stepper {
         }
         if closed.is_empty()
             && on_the_way.is_empty()
-            && !is_last
             && rounds.round < self.parameters.repetition.spurious_rounds
         {
             spurious = self.spurious(world, rounds, attempt);
@@ -248,7 +238,7 @@ impl Stepper {
         made: &Made,
     ) -> bool {
         let begin = Clock::now();
-        let is_last = rounds.is_last(&self.parameters.repetition);
+        let is_last = rounds.round >= self.parameters.repetition.rounds;
         let Made { attempt, ahead, .. } = made;
         let [deep, undetected] = self.deep(world, start, &rounds.contacts, ahead);
         let departed = if is_last { Vec::new() } else { self.departed(world, start, rounds, attempt, &deep) };
