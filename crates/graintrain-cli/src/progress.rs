@@ -181,15 +181,22 @@ impl Warnings {
             let percent = 100.0 * found.penetration;
             let overlap =
                 format!("{place}: two bodies overlap by {percent:.0} % of the smaller one's radius");
-            warnings.push(match (self.passed, self.unsolved) {
-                (None, None) if found.is_elastic => format!(
-                    "{overlap}: elastic contacts give way by their load over their stiffness. A larger `stiffness` of the \
-                     materials overlaps less"
-                ),
-                _ => format!("{overlap}; what follows is not to be trusted. {cause}"),
+            warnings.push(if self.gives_way(step, found) {
+                format!(
+                    "{overlap}: elastic contacts give way by their load over their stiffness. A larger `stiffness` of \
+                     the materials overlaps less"
+                )
+            } else {
+                format!("{overlap}; what follows is not to be trusted. {cause}")
             });
         }
         warnings
+    }
+
+    /// Whether elastic contacts alone explain a deep overlap.
+    fn gives_way(&self, step: u64, found: Found) -> bool {
+        let has_cause = self.passed.is_some() || self.unsolved.is_some() || found.closing > CLOSING;
+        found.is_elastic && !has_cause && !found.is_new && step != 1
     }
 
     /// What a run knows of where a deep overlap comes from, and what helps against that.

@@ -56,8 +56,8 @@ pub struct Parameters {
     /// and counted as lowered.
     pub passes: usize,
     /// An approach slower than this fraction of a dt, with the larger acceleration a of both bodies under
-    /// gravity and external forces, is no impact: a resting body arrives with what the last step's solve left
-    /// over.
+    /// gravity and external forces, or that of the edges of a cell under its stress, is no impact: a resting
+    /// body arrives with what the last step's solve left over.
     pub resting: f64,
     /// Residual to which a pass is solved, in the velocities of its own contacts.
     pub tolerance: f64,
@@ -170,7 +170,7 @@ impl ImpactSolver<'_> {
             let mut moved = vec![false; world.bodies.len()];
             let mut all = parts(of.rows, closing.iter().copied(), world.bodies.len(), &coupled);
             if pressed.is_some() {
-                all = vec![Part::of_all(all)];
+                all = joined_by_cell(all, of.contacts);
             }
             for part in all {
                 let e: Vec<f64> = part
@@ -183,6 +183,7 @@ impl ImpactSolver<'_> {
                     })
                     .collect();
                 let cell = pressed.as_ref().map(|pressed| pressed.rows(&part, of));
+                let cell = cell.filter(|rows| !rows.is_empty());
                 let held = (coupled.as_slice(), cell.as_ref());
                 let Some(()) = self.solve(&part, (of, held), [&e, &friction], &motion.now, &mut found)?
                 else {
@@ -306,6 +307,7 @@ impl ImpactSolver<'_> {
     }
 
     fn impulses(&mut self, problem: &Ccp, found: &mut Impacts) -> Result<Option<Vec<f64>>, CcpError> {
+        let in_cell = matches!(&*problem.delassus, Delassus::Rigid(rigid) if rigid.cell().is_some());
         let mut g = vec![0.0; problem.r.len()];
         let settings = SolveSettings {
             tolerance: self.parameters.tolerance,
@@ -314,7 +316,8 @@ impl ImpactSolver<'_> {
             stop: self.stop.clone(),
             ..SolveSettings::default()
         };
-        let matrix = as_matrix_unless_plain(problem);
+        // A cell's bodies are not coupled otherwise, and the solver takes it as one more.
+        let matrix = if in_cell { None } else { as_matrix_unless_plain(problem) };
         let report = self.solver.solve(matrix.as_ref().unwrap_or(problem), &mut g, &settings)?;
         found.residual = found.residual.worse(report.residual);
         Ok((report.status != Status::Stopped).then_some(g))
@@ -490,6 +493,14 @@ impl Motion {
             }
         }
     }
+}
+
+/// Those parts that have contacts across the boundary are one, as the cell is.
+fn joined_by_cell(all: Vec<Part>, contacts: &[Contact]) -> Vec<Part> {
+    let is_across = |part: &Part| part.contacts.iter().any(|&i| contacts[i as usize].image != [0; 3]);
+    let (across, mut joined): (Vec<Part>, Vec<Part>) = all.into_iter().partition(is_across);
+    joined.extend((!across.is_empty()).then(|| Part::of_all(across)));
+    joined
 }
 
 /// A periodic cell whose stress is imposed.

@@ -44,9 +44,8 @@ impl Default for Parameters {
 }
 
 impl Parameters {
-    /// Iterations that a part of so many contacts may cost, and those of its finish, where so many solves of
-    /// the step did not reach the tolerance: the k-th one gets a k-th of the first, and 30 of them cost what
-    /// four do.
+    /// Iterations that a part of so many contacts may cost, and those of its finish, after so many attempts
+    /// at the step that did not converge: the k-th attempt has a k-th of the first, and 30 cost what four do.
     fn iterations(&self, contacts: usize, unsolved: usize) -> [usize; 2] {
         let own =
             (self.iterations * self.many / contacts.max(1)).clamp(self.iterations, self.most_iterations);
@@ -84,7 +83,7 @@ pub(crate) struct PartSolver<'a> {
     pub gravity: f64,
     /// dt, s.
     pub step: f64,
-    /// Solves of this step that did not reach the tolerance.
+    /// Attempts at this step so far that did not converge.
     pub unsolved: usize,
 }
 

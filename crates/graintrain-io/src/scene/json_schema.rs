@@ -93,7 +93,8 @@ fn of_key(key: &Key) -> Value {
         about += &format!(". In {unit}, or a text with a unit");
     }
     let default = toml_value(key.default);
-    if default.is_none() && key.default != REQUIRED {
+    // Rules say which keys exclude each other.
+    if default.is_none() && ![REQUIRED, ONE_OF].contains(&key.default) {
         about += &format!(". Default: {}", key.default);
     }
     schema["description"] = json!(about);

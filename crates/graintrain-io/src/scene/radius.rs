@@ -23,7 +23,7 @@ table! {
         Lognormal(Lognormal): lognormal = Table(Lognormal::TABLE),
             "{ median = \"5 mm\", deviation = 0.2, min = \"3 mm\", max = \"8 mm\" }";
         /// One of several radii
-        Choice(Choice): choice = Table(Choice::TABLE),
+        Choice(OneOfSeveral): choice = Table(OneOfSeveral::TABLE),
             "{ radii = [\"4 mm\", \"8 mm\"], weights = [0.9, 0.1] }";
         /// Rosin-Rammler, cut off at two radii: cumulative mass fraction 1 - exp(-(r/size)^spread) up to
         /// radius r
@@ -93,7 +93,7 @@ table! {
 table! {
     /// One of several radii.
     #[derive(Deserialize)]
-    pub struct Choice: "`radius.choice`", checked by is_choice {
+    pub struct OneOfSeveral: "`radius.choice`", checked by is_choice {
         /// The radii
         radii: Vec<f64> = List(D::LENGTH), "required", "[\"4 mm\", \"8 mm\"]", Positive;
         /// Relative frequency of each; any sum
@@ -216,10 +216,13 @@ fn is_inside(reader: &Reader, key: &str, centre: f64, [min, max]: [f64; 2]) -> R
 
 /// Equal where they are not given.
 fn weights(reader: &Reader, key: &str) -> Result<Vec<f64>, SceneError> {
-    Ok(reader.list(key)?.unwrap_or(vec![1.0; reader.field::<Vec<f64>>("radii")?.len()]))
+    match reader.list(key)? {
+        Some(weights) => Ok(weights),
+        None => Ok(vec![1.0; reader.field::<Vec<f64>>("radii")?.len()]),
+    }
 }
 
-fn is_choice(Choice { radii, weights }: &Choice, reader: &Reader) -> Result<(), SceneError> {
+fn is_choice(OneOfSeveral { radii, weights }: &OneOfSeveral, reader: &Reader) -> Result<(), SceneError> {
     if weights.len() != radii.len() || radii.is_empty() {
         let requirement = format!("as many as the radii ({}), at least one", radii.len());
         return Err(reader.out_of_range("weights", &requirement, weights.len()));
@@ -265,7 +268,7 @@ impl RadiusForm {
                 let last = passing.iter().position(|&share| share >= 1.0).unwrap_or(openings.len() - 1);
                 [0.5 * openings[first], 0.5 * openings[last]]
             }
-            Self::Choice(Choice { radii, weights }) => {
+            Self::Choice(OneOfSeveral { radii, weights }) => {
                 let drawn = radii.iter().zip(weights).filter(|(_, weight)| **weight > 0.0);
                 drawn.fold([f64::INFINITY, 0.0], |[low, high], (radius, _)| {
                     [low.min(*radius), high.max(*radius)]
@@ -278,7 +281,7 @@ impl RadiusForm {
 impl RadiusDistribution {
     /// The same radius always.
     pub fn single(radius: f64) -> Self {
-        let form = RadiusForm::Choice(Choice { radii: vec![radius], weights: vec![1.0] });
+        let form = RadiusForm::Choice(OneOfSeveral { radii: vec![radius], weights: vec![1.0] });
         Self { form, by_mass: false }
     }
 
@@ -291,7 +294,7 @@ impl RadiusDistribution {
     pub(crate) fn is_sound(&self) -> bool {
         let positive = |r: &f64| r.is_finite() && *r > 0.0;
         match &self.form {
-            RadiusForm::Choice(Choice { radii, weights }) => {
+            RadiusForm::Choice(OneOfSeveral { radii, weights }) => {
                 radii.len() == weights.len() && !radii.is_empty() && radii.iter().all(positive)
             }
             RadiusForm::Sieves(Sieves { openings, passing }) => {

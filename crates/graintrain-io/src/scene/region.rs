@@ -10,15 +10,15 @@ table! {
     /// A region, as a scene has it.
     pub(super) enum RegionSpec: "`region`" {
         /// Box
-        Box(BoxSpec): box = Table(BoxSpec::TABLE), "{ min = [0, 0, 0], max = [1, 1, 3] }";
+        Box(BoxRegion): box = Table(BoxRegion::TABLE), "{ min = [0, 0, 0], max = [1, 1, 3] }";
         /// Upright cylinder
-        Cylinder(CylinderSpec): cylinder = Table(CylinderSpec::TABLE), "{ radius = 1, height = 3 }";
+        Cylinder(CylinderRegion): cylinder = Table(CylinderRegion::TABLE), "{ radius = 1, height = 3 }";
     }
 }
 
 table! {
     /// A box.
-    pub(super) struct BoxSpec: "`box` of a region", checked by is_box {
+    pub(super) struct BoxRegion: "`box` of a region", checked by is_box {
         /// Lower corner; dropped bodies are completely inside
         min: Vec3 = Vector(D::LENGTH), "required", "[0, 0, 0]";
         /// Upper corner
@@ -28,7 +28,7 @@ table! {
 
 table! {
     /// An upright cylinder.
-    pub(super) struct CylinderSpec: "`cylinder` of a region" {
+    pub(super) struct CylinderRegion: "`cylinder` of a region" {
         /// Centre of the lower end
         base: Vec3 = Vector(D::LENGTH), "[0, 0, 0]", "[0, 0, \"1 cm\"]";
         /// Radius; dropped bodies are completely inside
@@ -38,7 +38,7 @@ table! {
     }
 }
 
-fn is_box(&BoxSpec { min, max }: &BoxSpec, reader: &Reader) -> Result<(), SceneError> {
+fn is_box(&BoxRegion { min, max }: &BoxRegion, reader: &Reader) -> Result<(), SceneError> {
     if min.cmplt(max).all() {
         return Ok(());
     }
@@ -54,8 +54,8 @@ impl Field for Region {
 /// The region that a table names: a box or a cylinder.
 pub(super) fn region(reader: &Reader) -> Result<Region, SceneError> {
     Ok(match RegionSpec::read(reader)? {
-        RegionSpec::Box(BoxSpec { min, max }) => Region::Box { min, max },
-        RegionSpec::Cylinder(CylinderSpec { base, radius, height }) => {
+        RegionSpec::Box(BoxRegion { min, max }) => Region::Box { min, max },
+        RegionSpec::Cylinder(CylinderRegion { base, radius, height }) => {
             Region::Cylinder { base, radius, height }
         }
     })

@@ -134,16 +134,6 @@ impl Choice for Element {
         &[("collision", Self::Collision), ("visual", Self::Visual)];
 }
 
-impl Element {
-    /// Its name in the file.
-    fn name(self) -> &'static str {
-        match self {
-            Self::Collision => "collision",
-            Self::Visual => "visual",
-        }
-    }
-}
-
 /// What becomes of moments of inertia that no body can have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub(super) enum Inertia {
@@ -162,7 +152,9 @@ pub(super) fn read(name: &str, reader: &Reader) -> Result<Parts, SceneError> {
     let spec = RobotSpec::read(reader)?;
     let location = reader.location_of(&["file"]);
     let problem = |problem: FileProblem| problem.located(&spec.file, location);
-    let robot = urdf::read(&read_file(&spec.file, location)?, spec.shapes.name()).map_err(problem)?;
+    let element =
+        Element::NAMES.iter().find(|(_, element)| *element == spec.shapes).map_or("", |(name, _)| name);
+    let robot = urdf::read(&read_file(&spec.file, location)?, element).map_err(problem)?;
     let links: Vec<&str> = robot.links.iter().map(|link| link.name.as_str()).collect();
     let given = given(reader, &robot)?;
     let coordinates = coordinates(&robot, &given).map_err(problem)?;

@@ -161,7 +161,7 @@ impl<T: Spec> Field for Vec<T> {
 ///     /// A way out.
 ///     pub enum OutletSpec: "`[outlet.NAME]`" {
 ///         /// They leave when it is outside the region
-///         Outside(Region): outside = Table(&REGION), "{ box = { min = [-1, -1, -1], max = [1, 1, 1] } }";
+///         Outside(Region): outside = Table(RegionSpec::TABLE), "{ box = { min = [-1, -1, -1], max = [1, 1, 1] } }";
 ///     }
 /// }
 /// ```

@@ -80,7 +80,7 @@ struct Posing<'a> {
     problem: Ccp,
     /// Velocities without contacts: with joints that nothing else pulls at.
     free: Vec<f64>,
-    /// Solves of this step so far that did not reach the tolerance.
+    /// Attempts at this step so far that did not converge.
     unsolved: usize,
 }
 
@@ -417,6 +417,9 @@ impl Stepper {
             // What its stress drives too fast presses less in this step, and contacts still stop it. What
             // they throw is held.
             rows.hold(|k| beyond[k].is_some_and(|limit| limit * free[k] <= limit * limit));
+            let scaled = 3 * problem.num_contacts();
+            problem.velocity_scale =
+                scale_under(world.gravity.length(), step, &problem.r[..scaled], &problem.friction);
             // Not the sum with the change: that of a very large rate rounds.
             free = std::array::from_fn(|k| beyond[k].unwrap_or(free[k]));
             last = Some(solved.report);

@@ -145,7 +145,7 @@ pub(super) struct Rounds {
     pub(super) met: HashMap<u64, usize>,
     /// Rounds made so far.
     pub(super) round: usize,
-    /// Solves so far that did not reach their tolerance.
+    /// Attempts so far that did not converge.
     pub(super) unsolved: usize,
     /// Contacts that joined after a solve.
     pub(super) added: usize,
@@ -171,12 +171,12 @@ impl Rounds {
         self.meet(moved);
     }
 
-    /// Notes that bodies meet at these contacts.
+    /// Notes that bodies meet at these contacts, found in one round.
     fn meet(&mut self, identities: impl IntoIterator<Item = u64>) {
-        for identity in identities {
-            let of = self.planes.further.get(&identity).copied();
-            of.into_iter().chain([identity]).for_each(|k| *self.met.entry(k).or_default() += 1);
-        }
+        let mut all: HashSet<u64> = identities.into_iter().collect();
+        let bases: Vec<u64> = all.iter().filter_map(|k| self.planes.further.get(k).copied()).collect();
+        all.extend(bases);
+        all.into_iter().for_each(|k| *self.met.entry(k).or_default() += 1);
     }
 
     /// How often bodies were seen to meet at a contact, or at another of its planes.

@@ -86,7 +86,7 @@ table! {
         random_rotation: bool = Flag, "false", "true";
         /// Material
         material: String = Text, "the only material", "\"glass\"" => names::material;
-        /// Initial velocity
+        /// Initial velocity, in a periodic cell relative to its deformation
         velocity: Vec3 = Vector(D::SPEED), "[0, 0, 0]", "[0, 0, \"-1 m/s\"]";
         /// Bodies keep their orientation
         lock_rotation: bool = Flag, "false", "true";

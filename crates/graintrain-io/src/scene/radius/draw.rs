@@ -1,6 +1,6 @@
 //! Radii drawn from distributions.
 
-use super::{Choice, Lognormal, Normal, RadiusDistribution, RadiusForm, RosinRammler, Sieves, Uniform};
+use super::{Lognormal, Normal, OneOfSeveral, RadiusDistribution, RadiusForm, RosinRammler, Sieves, Uniform};
 use crate::random::Random;
 use graintrain_linalg::real;
 
@@ -39,7 +39,7 @@ fn by_number(form: &RadiusForm) -> Sampler<'_> {
         RadiusForm::Lognormal(Lognormal { median, deviation, min, max }) => {
             Box::new(move |random| within(*min, *max, || median * real::exp(deviation * random.normal())))
         }
-        RadiusForm::Choice(Choice { radii, weights }) => {
+        RadiusForm::Choice(OneOfSeveral { radii, weights }) => {
             Box::new(move |random| radii[chosen(weights, random)])
         }
         RadiusForm::RosinRammler(RosinRammler { size, spread, min, max }) => tabulated([*min, *max], |r| {
@@ -97,7 +97,7 @@ fn by_mass(form: &RadiusForm) -> Sampler<'_> {
         RadiusForm::Lognormal(Lognormal { median, deviation, min, max }) if *deviation > 0.0 => {
             tabulated([*min, *max], |r| real::exp(-0.5 * (real::ln(r / median) / deviation).powi(2)) / r)
         }
-        RadiusForm::Choice(Choice { radii, weights }) => {
+        RadiusForm::Choice(OneOfSeveral { radii, weights }) => {
             let [smallest, _] = form.range();
             let number = |(radius, weight): (&f64, &f64)| weight * (smallest / radius).powi(3);
             let numbers: Vec<f64> = radii.iter().zip(weights).map(number).collect();
@@ -210,7 +210,7 @@ mod tests {
         let open = sieves(&openings, &[0.0, 0.0, 1.0, 1.0]);
         assert_eq!(open.range(), [0.5e-3, 1e-3]);
         assert!(draw(&open, 1000, &mut Random::new(1)).iter().all(|r| (0.5e-3..=1e-3).contains(r)));
-        let form = RadiusForm::Choice(Choice { radii: vec![1e-3, 2e-3], weights: vec![0.3, 0.7] });
+        let form = RadiusForm::Choice(OneOfSeveral { radii: vec![1e-3, 2e-3], weights: vec![0.3, 0.7] });
         let drawn = draw(&RadiusDistribution { form, by_mass: true }, 50_000, &mut Random::new(2));
         let small = drawn.iter().filter(|r| **r < 1.5e-3).count() as f64;
         let large = drawn.len() as f64 - small;
