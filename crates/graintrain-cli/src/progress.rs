@@ -181,9 +181,9 @@ impl Warnings {
             let percent = 100.0 * found.penetration;
             let overlap =
                 format!("{place}: two bodies overlap by {percent:.0} % of the smaller one's radius");
-            warnings.push(if self.gives_way(step, found) {
+            warnings.push(if self.is_elastic_overlap(step, found) {
                 format!(
-                    "{overlap}: elastic contacts give way by their load over their stiffness. A larger `stiffness` of \
+                    "{overlap}: elastic contacts overlap by their load over their stiffness. A larger `stiffness` of \
                      the materials overlaps less"
                 )
             } else {
@@ -194,7 +194,7 @@ impl Warnings {
     }
 
     /// Whether elastic contacts alone explain a deep overlap.
-    fn gives_way(&self, step: u64, found: Found) -> bool {
+    fn is_elastic_overlap(&self, step: u64, found: Found) -> bool {
         let has_cause = self.passed.is_some() || self.unsolved.is_some() || found.closing > CLOSING;
         found.is_elastic && !has_cause && !found.is_new && step != 1
     }
@@ -236,7 +236,7 @@ struct Found {
     is_new: bool,
     /// Overlap per step that remaining velocities make, over the smaller body's size.
     closing: f64,
-    /// Whether some contacts give way.
+    /// Whether some contacts are elastic.
     is_elastic: bool,
 }
 

@@ -87,7 +87,7 @@ fn wrong_units_say_what_was_expected() {
         let message = fails(BALL, &[setting]).0;
         assert!(message.contains(expected), "{setting}: {message}");
     }
-    // The place is that of the use; the parameters that it names are told, as they are written.
+    // The place is that of the use; the parameters that it names are reported, as they are written.
     let scene = "[parameters]\nrate = \"5 kg\"\n[time]\nstep = \"2 * rate\"\nend = 1\n";
     let message = "a.toml:4:8: `time.step` must be a time (s), got a mass (kg), with `rate` = 5 kg";
     assert_eq!(fails(scene, &[]).0, message);
