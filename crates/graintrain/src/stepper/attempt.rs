@@ -395,9 +395,7 @@ impl Stepper {
         let change: [f64; 6] = std::array::from_fn(|k| impacts.rate[k] + by_pulls[k]);
         let mut free: [f64; 6] = std::array::from_fn(|k| cell_now.rate[k] + change[k]);
         rows.shift(&change, &mut problem.r);
-        let contacts = 3 * problem.num_contacts();
-        problem.velocity_scale =
-            scale_under(world.gravity.length(), step, &problem.r[..contacts], &problem.friction);
+        rescale(problem, world.gravity.length(), step);
         let mut last: Option<SolveReport> = None;
         loop {
             let posed = (!rows.is_empty()).then(|| rows.posed(problem));
@@ -417,9 +415,7 @@ impl Stepper {
             // What its stress drives too fast presses less in this step, and contacts still stop it. What
             // they throw is held.
             rows.hold(|k| beyond[k].is_some_and(|limit| limit * free[k] <= limit * limit));
-            let scaled = 3 * problem.num_contacts();
-            problem.velocity_scale =
-                scale_under(world.gravity.length(), step, &problem.r[..scaled], &problem.friction);
+            rescale(problem, world.gravity.length(), step);
             // Not the sum with the change: that of a very large rate rounds.
             free = std::array::from_fn(|k| beyond[k].unwrap_or(free[k]));
             last = Some(solved.report);
@@ -476,6 +472,12 @@ fn body_impulses(problem: &Ccp, impulse: &[f64]) -> Vec<f64> {
     let mut world_impulse = vec![0.0; impulse.len()];
     rigid.world_impulse(impulse, &mut world_impulse);
     (0..rigid.num_bodies()).flat_map(|body| rigid.body_impulse(&world_impulse, body)).collect()
+}
+
+/// V of a problem whose r has changed, under gravity (m/s^2) in a step (s).
+fn rescale(problem: &mut Ccp, gravity: f64, step: f64) {
+    let contacts = 3 * problem.num_contacts();
+    problem.velocity_scale = scale_under(gravity, step, &problem.r[..contacts], &problem.friction);
 }
 
 /// Joints that open count in the residual, and a solve that leaves them open has not converged.
