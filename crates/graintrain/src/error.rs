@@ -217,6 +217,19 @@ pub(crate) fn not_negative(what: &str, value: f64) -> Result<(), ModelError> {
     if value == 0.0 { Ok(()) } else { length(what, value) }
 }
 
+/// `Err` unless the value is finite and not negative.
+pub(crate) fn not_below_zero(what: impl Into<String>, value: f64) -> Result<(), ModelError> {
+    if value.is_finite() && value >= 0.0 {
+        return Ok(());
+    }
+    Err(ModelError::Value { what: what.into(), value, expected: "finite and not negative" })
+}
+
+/// `Err` unless there are more than `index` of these.
+pub(crate) fn index(what: &'static str, index: usize, len: usize) -> Result<(), ModelError> {
+    if index < len { Ok(()) } else { Err(ModelError::Index { what, index, len }) }
+}
+
 /// `Err` unless all components are finite.
 pub(crate) fn finite(what: &str, values: &[f64]) -> Result<(), ModelError> {
     match values.iter().find(|value| !value.is_finite()) {

@@ -7,7 +7,7 @@
 //! step, contacts and all ([`Action::Drag`]). Where forces change from step to step, contacts are looked for
 //! twice per step: those found at its end do not hold for the next.
 
-use crate::error::{ModelError, finite, positive};
+use crate::error::{ModelError, finite, not_below_zero, positive};
 use crate::handle::BodyId;
 use crate::math::Vec3;
 use crate::motion::{Axes, Profile};
@@ -164,13 +164,8 @@ impl Load {
             }
             Action::Drag { linear, quadratic, angular, medium } => {
                 finite("the velocity of a medium", &medium.to_array())?;
-                for value in [*linear, *quadratic, *angular] {
-                    if !(value.is_finite() && value >= 0.0) {
-                        let what = "a coefficient of drag".to_string();
-                        return Err(ModelError::Value { what, value, expected: "finite and not negative" });
-                    }
-                }
-                Ok(())
+                let all = [*linear, *quadratic, *angular];
+                all.into_iter().try_for_each(|value| not_below_zero("a coefficient of drag", value))
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Materials: density, and friction, restitution and resistance to turning of every pair.
 
-use crate::error::{ModelError, positive};
+use crate::error::{ModelError, index, not_below_zero, positive};
 use crate::handle::MaterialId;
 use serde::{Deserialize, Serialize};
 
@@ -71,11 +71,7 @@ impl Elasticity {
         if self.stiffness != 0.0 {
             positive(format!("the stiffness {of}"), self.stiffness)?;
         }
-        if !(self.damping.is_finite() && self.damping >= 0.0) {
-            let (what, value) = (format!("the damping {of}"), self.damping);
-            return Err(ModelError::Value { what, value, expected: "finite and not negative" });
-        }
-        Ok(())
+        not_below_zero(format!("the damping {of}"), self.damping)
     }
 }
 
@@ -112,6 +108,12 @@ fn grown<T: Copy>(table: &[T], old: usize, value: T) -> Vec<T> {
         grown[i * (old + 1)..i * (old + 1) + old].copy_from_slice(&table[i * old..(i + 1) * old]);
     }
     grown
+}
+
+/// Writes the value of a pair of `len` materials into a table, which is empty or holds all pairs.
+fn put<T: Copy>(table: &mut Vec<T>, [i, j]: [usize; 2], len: usize, value: T, none: T) {
+    table.resize(len * len, none);
+    (table[i * len + j], table[j * len + i]) = (value, value);
 }
 
 impl Materials {
@@ -165,27 +167,16 @@ impl Materials {
         friction: f64,
         restitution: f64,
     ) -> Result<(), ModelError> {
-        let len = self.len();
-        let (i, j) = (i.index(), j.index());
-        for index in [i, j] {
-            if index >= len {
-                return Err(ModelError::Index { what: "material", index, len });
-            }
-        }
-        let pair = || self.pair_name(i, j);
-        if !(friction.is_finite() && friction >= 0.0) {
-            let what = format!("the friction {}", pair());
-            return Err(ModelError::Value { what, value: friction, expected: "finite and not negative" });
-        }
+        let [i, j] = self.pair_index(i, j)?;
+        not_below_zero(format!("the friction {}", self.pair_name(i, j)), friction)?;
         if !(0.0..=1.0).contains(&restitution) {
-            let what = format!("the restitution {}", pair());
+            let what = format!("the restitution {}", self.pair_name(i, j));
             return Err(ModelError::Value { what, value: restitution, expected: "in [0, 1]" });
         }
         self.check_rebound(i, j, restitution, self.pair_elasticity(i, j))?;
-        for entry in [i * len + j, j * len + i] {
-            self.friction[entry] = friction;
-            self.restitution[entry] = restitution;
-        }
+        let len = self.len();
+        put(&mut self.friction, [i, j], len, friction, 0.0);
+        put(&mut self.restitution, [i, j], len, restitution, 0.0);
         Ok(())
     }
 
@@ -209,32 +200,17 @@ impl Materials {
         rolling: TurningResistance,
         spinning: TurningResistance,
     ) -> Result<(), ModelError> {
-        let len = self.len();
-        let (i, j) = (i.index(), j.index());
-        for index in [i, j] {
-            if index >= len {
-                return Err(ModelError::Index { what: "material", index, len });
-            }
-        }
+        let [i, j] = self.pair_index(i, j)?;
         for (what, resistance) in [("rolling", rolling), ("spinning", spinning)] {
-            let value = resistance.value();
-            if !(value.is_finite() && value >= 0.0) {
-                let what = format!(
-                    "the {what} friction between materials '{}' and '{}'",
-                    self.names[i], self.names[j]
-                );
-                return Err(ModelError::Value { what, value, expected: "finite and not negative" });
-            }
+            not_below_zero(format!("the {what} friction {}", self.pair_name(i, j)), resistance.value())?;
         }
         if rolling.is_none() && spinning.is_none() && !self.resist_turning() {
             return Ok(());
         }
+        let len = self.len();
         for (table, resistance) in [(&mut self.rolling, rolling), (&mut self.spinning, spinning)] {
-            table.resize(len * len, TurningResistance::NONE);
             let resistance = if resistance.is_none() { TurningResistance::NONE } else { resistance };
-            for entry in [i * len + j, j * len + i] {
-                table[entry] = resistance;
-            }
+            put(table, [i, j], len, resistance, TurningResistance::NONE);
         }
         Ok(())
     }
@@ -255,9 +231,7 @@ impl Materials {
         self.check_rebound(i, j, self.pair_restitution(i, j), elasticity)?;
         if !(elasticity.is_rigid() && self.elasticity.is_empty()) {
             let len = self.len();
-            self.elasticity.resize(len * len, Elasticity::RIGID);
-            self.elasticity[i * len + j] = elasticity;
-            self.elasticity[j * len + i] = elasticity;
+            put(&mut self.elasticity, [i, j], len, elasticity, Elasticity::RIGID);
         }
         Ok(())
     }
@@ -276,19 +250,15 @@ impl Materials {
         }
         if !(force == 0.0 && self.cohesion.is_empty()) {
             let len = self.len();
-            self.cohesion.resize(len * len, 0.0);
-            self.cohesion[i * len + j] = force;
-            self.cohesion[j * len + i] = force;
+            put(&mut self.cohesion, [i, j], len, force, 0.0);
         }
         Ok(())
     }
 
     fn pair_index(&self, i: MaterialId, j: MaterialId) -> Result<[usize; 2], ModelError> {
-        let len = self.len();
-        match [i, j].into_iter().find(|id| id.index() >= len) {
-            Some(id) => Err(ModelError::Index { what: "material", index: id.index(), len }),
-            None => Ok([i.index(), j.index()]),
-        }
+        let pair = [i.index(), j.index()];
+        pair.into_iter().try_for_each(|one| index("material", one, self.len()))?;
+        Ok(pair)
     }
 
     fn pair_name(&self, i: usize, j: usize) -> String {

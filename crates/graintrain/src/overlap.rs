@@ -23,7 +23,7 @@
 //! 256:224-250, 2013.
 
 use crate::math::Vec3;
-use crate::parts::{Part, parts};
+use crate::parts::parts;
 use crate::projection::project;
 use graintrain_ccp::{BodyInverseMass, FIXED, RigidContact};
 
@@ -179,16 +179,17 @@ impl Gaps<'_> {
         let mut displacement = vec![0.0; 6 * self.inverse_mass.len()];
         let moving = self.neighbourhood();
         let held = |body: u32| if body != FIXED && moving[body as usize] { body } else { FIXED };
-        let rows: Vec<RigidContact> = self
-            .rows
-            .iter()
-            .map(|row| RigidContact { body_a: held(row.body_a), body_b: held(row.body_b), ..*row })
-            .collect();
-        let chosen: Vec<u32> = (0..rows.len() as u32)
-            .filter(|&i| rows[i as usize].body_a != FIXED || rows[i as usize].body_b != FIXED)
-            .collect();
-        for part in parts(&rows, chosen.iter().copied(), moving.len(), &[]) {
-            self.correct_part(&part, &rows, &mut displacement);
+        let (mut chosen, mut rows) = (Vec::new(), Vec::new());
+        for (i, row) in (0..).zip(self.rows) {
+            let [body_a, body_b] = [held(row.body_a), held(row.body_b)];
+            if [body_a, body_b] != [FIXED; 2] {
+                chosen.push(i);
+                rows.push(RigidContact { body_a, body_b, ..*row });
+            }
+        }
+        for part in parts(&rows, 0..rows.len() as u32, moving.len(), &[]) {
+            let own = part.contacts.iter().map(|&k| (&rows[k as usize], self.room(chosen[k as usize])));
+            self.correct_part(&own.collect::<Vec<_>>(), &mut displacement);
         }
         correction.displacement = Some(displacement);
         correction
@@ -212,11 +213,11 @@ impl Gaps<'_> {
         moving
     }
 
-    fn correct_part(&self, part: &Part, rows: &[RigidContact], displacement: &mut [f64]) {
-        let largest = part.contacts.iter().map(|&i| -self.room(i)).fold(0.0, f64::max);
-        let contacts = part.contacts.iter().map(|&i| (&rows[i as usize], self.room(i)));
+    /// The displacements of the bodies of these contacts, each with how far it may close, m.
+    fn correct_part(&self, contacts: &[(&RigidContact, f64)], displacement: &mut [f64]) {
+        let largest = contacts.iter().map(|(_, room)| -room).fold(0.0, f64::max);
         let &Parameters { sweeps, visits, tolerance, .. } = self.parameters;
-        let sweeps = sweeps.max(visits / part.contacts.len().max(1));
+        let sweeps = sweeps.max(visits / contacts.len().max(1));
         project(contacts, self.inverse_mass, displacement, (tolerance * largest, sweeps));
     }
 }

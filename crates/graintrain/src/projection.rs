@@ -194,14 +194,13 @@ impl Projection {
 /// Adds the displacements that open these contacts to `displacement` (translation in m and turn in rad of
 /// every body). Ends after the sweep in which no contact changed by more than `tolerance` (m), all of them
 /// looked at, or after `sweeps`.
-pub(crate) fn project<'a>(
-    contacts: impl Iterator<Item = (&'a RigidContact, f64)>,
+pub(crate) fn project(
+    contacts: &[(&RigidContact, f64)],
     inverse_mass: &[BodyInverseMass],
     displacement: &mut [f64],
     (tolerance, sweeps): (f64, usize),
 ) {
-    let contacts: Vec<(&RigidContact, f64)> = contacts.collect();
-    let mut projection = Projection::new(&contacts, inverse_mass, displacement, FAR * tolerance);
+    let mut projection = Projection::new(contacts, inverse_mass, displacement, FAR * tolerance);
     let mut all = true;
     for sweep in 0..sweeps {
         let largest = projection.sweep(!sweep.is_multiple_of(2), all);
@@ -265,7 +264,8 @@ mod tests {
         for (contacts, seed) in [(1, 1), (7, 2), (40, 3)] {
             let (rows, masses, room) = random(contacts, seed);
             let mut found = vec![0.0; 6 * masses.len()];
-            project(rows.iter().zip(room.iter().copied()), &masses, &mut found, (1e-13, 100_000));
+            let opened: Vec<_> = rows.iter().zip(room.iter().copied()).collect();
+            project(&opened, &masses, &mut found, (1e-13, 100_000));
             let rigid = RigidDelassus::new(rows.clone(), masses);
             let r = room.iter().flat_map(|&room| [room, 0.0, 0.0]).collect();
             let problem = Ccp::new(Delassus::Rigid(rigid), r, vec![0.0; rows.len()]).unwrap();
@@ -317,7 +317,7 @@ mod tests {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
                 let mut found = none.clone();
-                project(contacts.iter().copied(), &masses, &mut found, (1e-11, sweeps));
+                project(&contacts, &masses, &mut found, (1e-11, sweeps));
                 found
             })
         };
@@ -334,8 +334,9 @@ mod tests {
         }
         assert!(opened > rows.len() / 4);
         // Complementarity: least energy, so that those of another order of the rows are the same.
-        let (mut other, back) = (vec![0.0; found.len()], rows.iter().zip(room.iter().copied()).rev());
-        project(back, &masses, &mut other, (1e-11, 100_000));
+        let back: Vec<_> = contacts.iter().rev().copied().collect();
+        let mut other = vec![0.0; found.len()];
+        project(&back, &masses, &mut other, (1e-11, 100_000));
         assert!(found.iter().zip(&other).all(|(a, b)| (a - b).abs() < 1e-7));
     }
 
@@ -353,7 +354,7 @@ mod tests {
             for (mass, arm) in [(upright, [0.0; 3]), (hinged, [-0.5, 0.0, 0.0])] {
                 let row = RigidContact { body_a: 0, body_b: FIXED, frame, arm_a: arm, arm_b: [0.0; 3] };
                 let mut found = vec![0.0; 6];
-                project([(&row, -1e-3)].into_iter(), &[mass], &mut found, (1e-6, 40));
+                project(&[(&row, -1e-3)], &[mass], &mut found, (1e-6, 40));
                 assert_eq!(found.iter().any(|&q| q != 0.0), moves, "{lean} {found:?}");
                 assert!(found.iter().all(|q| q.abs() < 0.11), "{found:?}");
             }
@@ -365,7 +366,7 @@ mod tests {
         let (rows, masses, room) = random(10, 4);
         let mut found = vec![0.0; 6 * masses.len()];
         let open = room.iter().map(|room| room.abs());
-        project(rows.iter().zip(open), &masses, &mut found, (1e-13, 10));
+        project(&rows.iter().zip(open).collect::<Vec<_>>(), &masses, &mut found, (1e-13, 10));
         assert!(found.iter().all(|&q| q == 0.0));
     }
 }

@@ -32,7 +32,7 @@ use crate::cell;
 use crate::clock::Clock;
 use crate::collide::Collider;
 use crate::contact::Contact;
-use crate::error::{ModelError, positive};
+use crate::error::{not_below_zero, positive};
 use crate::impact::lead_to_surfaces;
 use crate::integrate::{advance, displace};
 use crate::joint::drift;
@@ -82,11 +82,7 @@ impl Stepper {
     pub fn new(mut settings: StepSettings) -> Result<Self, StepError> {
         positive("the time step", settings.step)?;
         positive("the solver's tolerance", settings.solver.tolerance)?;
-        if !(settings.envelope.is_finite() && settings.envelope >= 0.0) {
-            let what = "the contact envelope".to_string();
-            let expected = "finite and not negative";
-            return Err(ModelError::Value { what, value: settings.envelope, expected }.into());
-        }
+        not_below_zero("the contact envelope", settings.envelope)?;
         settings.solver.tolerance = settings.solver.step_tolerance();
         let solver = settings.solver.name.build()?;
         let named = |name: &str| name.parse::<SolverSpec>()?.build();

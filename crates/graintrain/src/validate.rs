@@ -1,6 +1,6 @@
 //! Whether a world read from somewhere is one that a step can be made from.
 
-use crate::error::{ModelError, finite, positive};
+use crate::error::{ModelError, finite, index, not_below_zero, positive};
 use crate::math::Vec3;
 use crate::shape::unit_quaternion;
 use crate::world::{FREE, World};
@@ -10,10 +10,6 @@ fn same_length(what: &'static str, found: usize, expected: usize) -> Result<(), 
         return Ok(());
     }
     Err(ModelError::Length { what, found, expected })
-}
-
-fn index(what: &'static str, index: usize, len: usize) -> Result<(), ModelError> {
-    if index < len { Ok(()) } else { Err(ModelError::Index { what, index, len }) }
 }
 
 fn vectors(what: &str, list: &[Vec3]) -> Result<(), ModelError> {
@@ -69,19 +65,11 @@ impl World {
                 same_length("resistances to turning", table.len(), count * count)?;
             }
         }
-        for value in turning.into_iter().flatten().map(|resistance| resistance.value()) {
-            if !(value.is_finite() && value >= 0.0) {
-                let what = "a resistance to turning".to_string();
-                return Err(ModelError::Value { what, value, expected: "finite and not negative" });
-            }
+        for resistance in turning.into_iter().flatten() {
+            not_below_zero("a resistance to turning", resistance.value())?;
         }
         materials.density.iter().try_for_each(|&density| positive("the density of a material", density))?;
-        for &value in &materials.friction {
-            if !(value.is_finite() && value >= 0.0) {
-                let what = "a coefficient of friction".to_string();
-                return Err(ModelError::Value { what, value, expected: "finite and not negative" });
-            }
-        }
+        materials.friction.iter().try_for_each(|&mu| not_below_zero("a coefficient of friction", mu))?;
         for &value in &materials.restitution {
             if !(0.0..=1.0).contains(&value) {
                 let what = "a coefficient of restitution".to_string();
@@ -129,9 +117,8 @@ impl World {
                 if inertia.determinant() <= 0.0 {
                     return Err(ModelError::Inertia { body: bodies.label(body) });
                 }
-            } else if !(mass.is_finite() && mass >= 0.0) {
-                let what = "the mass of a body".to_string();
-                return Err(ModelError::Value { what, value: mass, expected: "finite and not negative" });
+            } else {
+                not_below_zero("the mass of a body", mass)?;
             }
         }
         Ok(())

@@ -3,7 +3,7 @@
 use crate::cell::Cell;
 use crate::collide::identity::renamed;
 use crate::contact::{Contact, ContactSet};
-use crate::error::{ModelError, finite, positive};
+use crate::error::{ModelError, finite, index, positive};
 use crate::handle::{BodyId, GeometryId, MaterialId, MotionId};
 use crate::joint::PlacedJoint;
 use crate::load::{Drag, Load};
@@ -261,9 +261,6 @@ impl World {
     /// normalised, a given inertia that is not positive definite, or a body without mass that is not fully
     /// prescribed.
     pub fn add_body(&mut self, body: Body) -> Result<BodyId, ModelError> {
-        let index = |what: &'static str, index: usize, len: usize| {
-            if index < len { Ok(()) } else { Err(ModelError::Index { what, index, len }) }
-        };
         index("geometry", body.geometry.index(), self.geometries.len())?;
         index("material", body.material.index(), self.materials.len())?;
         if body.motion != FREE {
@@ -316,14 +313,12 @@ impl World {
     /// [`ModelError::Index`] for a body that is none, [`ModelError::Value`] for a component that is not
     /// finite.
     pub fn add_force_at(&mut self, body: BodyId, force: Vec3, point: Vec3) -> Result<(), ModelError> {
-        let (index, len) = (body.index(), self.bodies.len());
-        if index >= len {
-            return Err(ModelError::Index { what: "body", index, len });
-        }
+        let body = body.index();
+        index("body", body, self.bodies.len())?;
         finite("a component of a force", &force.to_array())?;
         finite("a coordinate of the point where a force acts", &point.to_array())?;
-        self.bodies.force[index] += force;
-        self.bodies.torque[index] += (point - self.bodies.position[index]).cross(force);
+        self.bodies.force[body] += force;
+        self.bodies.torque[body] += (point - self.bodies.position[body]).cross(force);
         Ok(())
     }
 
@@ -333,10 +328,8 @@ impl World {
     /// As [`Load::validate`], and [`ModelError::Index`] for a body that is none.
     pub fn add_load(&mut self, load: Load) -> Result<(), ModelError> {
         load.validate()?;
-        let len = self.bodies.len();
-        if let Some(body) = load.bodies.iter().flatten().find(|body| body.index() >= len) {
-            return Err(ModelError::Index { what: "body", index: body.index(), len });
-        }
+        let mut bodies = load.bodies.iter().flatten();
+        bodies.try_for_each(|body| index("body", body.index(), self.bodies.len()))?;
         self.loads.push(load);
         Ok(())
     }
@@ -347,10 +340,7 @@ impl World {
     /// # Errors
     /// [`ModelError::Index`] for a body that is none.
     pub fn ignore_collisions(&mut self, a: BodyId, b: BodyId) -> Result<(), ModelError> {
-        let len = self.bodies.len();
-        if let Some(body) = [a, b].into_iter().find(|body| body.index() >= len) {
-            return Err(ModelError::Index { what: "body", index: body.index(), len });
-        }
+        [a, b].into_iter().try_for_each(|body| index("body", body.index(), self.bodies.len()))?;
         self.ignored.push([a, b]);
         Ok(())
     }

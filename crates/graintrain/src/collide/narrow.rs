@@ -29,13 +29,6 @@ pub(crate) struct Collidable {
 
 impl Collidable {
     pub(crate) fn new(geometry: &Geometry) -> Self {
-        let ball = match geometry.parts.as_slice() {
-            [part] if part.position == Vec3::ZERO => match part.shape {
-                Shape::Sphere(Sphere { radius }) => Some(radius),
-                _ => None,
-            },
-            _ => None,
-        };
         let tree = |shape: &Shape| match shape {
             Shape::Mesh(mesh) => Some(TriangleTree::new(mesh)),
             _ => None,
@@ -47,7 +40,7 @@ impl Collidable {
         Self {
             bounding_radius: geometry.bounding_radius(),
             size: geometry.parts.iter().map(|part| part.shape.half_thickness()).fold(f64::INFINITY, f64::min),
-            ball,
+            ball: geometry.ball(),
             trees: geometry.parts.iter().map(|part| tree(&part.shape)).collect(),
             part_radius: geometry.parts.iter().map(|part| part.shape.bounding_radius()).collect(),
             part_bounds: geometry.parts.iter().map(|part| bounds(&part.shape)).collect(),

@@ -20,7 +20,7 @@ mod pair;
 mod rows;
 mod stiffening;
 
-use crate::error::{ModelError, finite, positive};
+use crate::error::{self, ModelError, finite, not_below_zero, positive};
 use crate::handle::{BodyId, JointId};
 use crate::math::{Mat3, Quat, Vec3, tangents};
 use crate::motion::Profile;
@@ -238,15 +238,9 @@ impl Joint {
     fn validate(&self, label: &str, world: &World, index: usize) -> Result<(), ModelError> {
         let refuse = |what: String| Err(ModelError::Joint { joint: label.to_string(), what });
         let bodies = self.bodies.iter().flatten();
-        if let Some(body) = bodies.clone().find(|body| body.index() >= world.bodies.len()) {
-            let (what, len) = ("body", world.bodies.len());
-            return Err(ModelError::Index { what, index: body.index(), len });
-        }
+        bodies.clone().try_for_each(|body| error::index("body", body.index(), world.bodies.len()))?;
         if let JointKind::Gear { joints, ratio } = &self.kind {
-            if let Some(joint) = joints.iter().find(|joint| joint.index() >= index) {
-                let (what, len) = ("joint before it", index);
-                return Err(ModelError::Index { what, index: joint.index(), len });
-            }
+            joints.iter().try_for_each(|joint| error::index("joint before it", joint.index(), index))?;
             if joints[0] == joints[1] {
                 return refuse("it couples a joint with itself; name two joints".to_string());
             }
@@ -306,10 +300,7 @@ impl Joint {
         }
         if let Some(Spring { stiffness, damping, rest }) = &self.spring {
             for (name, value) in [("stiffness", *stiffness), ("damping", *damping)] {
-                if !(value.is_finite() && value >= 0.0) {
-                    let what = format!("the {name} of {label}");
-                    return Err(ModelError::Value { what, value, expected: "finite and not negative" });
-                }
+                not_below_zero(format!("the {name} of {label}"), value)?;
             }
             if *stiffness == 0.0 && *damping == 0.0 {
                 positive(format!("stiffness or damping of {label}"), 0.0)?;
@@ -442,10 +433,8 @@ impl World {
     /// # Errors
     /// As [`Self::add_joint`].
     pub fn set_motor(&mut self, joint: JointId, motor: Option<Motor>) -> Result<(), ModelError> {
-        let (index, len) = (joint.index(), self.joints.len());
-        if index >= len {
-            return Err(ModelError::Index { what: "joint", index, len });
-        }
+        let index = joint.index();
+        error::index("joint", index, self.joints.len())?;
         let changed = Joint { motor, ..self.joints[index].joint.clone() };
         changed.validate_drive(&changed.label(index))?;
         self.joints[index].joint = changed;

@@ -3,7 +3,6 @@
 use super::space::{ball_below, ball_in_pipe, bounds, cross_section, disc_in_region, own_space};
 use crate::load::Region;
 use crate::math::Vec3;
-use crate::shape::{Shape, Sphere};
 use crate::world::World;
 use graintrain_linalg::real;
 use serde::{Deserialize, Serialize};
@@ -112,13 +111,7 @@ fn coordinate(along: Along, point: Vec3) -> f64 {
 
 /// The radius of a body that is one ball.
 fn ball(world: &World, body: usize) -> Option<f64> {
-    match world.geometries[world.bodies.geometry[body].index()].parts.as_slice() {
-        [part] if part.position == Vec3::ZERO => match part.shape {
-            Shape::Sphere(Sphere { radius }) => Some(radius),
-            _ => None,
-        },
-        _ => None,
-    }
+    world.geometries[world.bodies.geometry[body].index()].ball()
 }
 
 /// Where a body is seen, and what it is faster by there: itself, and the images of a ball that reaches

@@ -263,6 +263,14 @@ impl Geometry {
         arm - radial + radial.dot(out).signum() * radial.length() * out.normalize()
     }
 
+    /// Radius, m, of a geometry that is one ball about the body's origin.
+    pub(crate) fn ball(&self) -> Option<f64> {
+        match self.parts.as_slice() {
+            [Part { shape: Shape::Sphere(ball), position: Vec3::ZERO, .. }] => Some(ball.radius),
+            _ => None,
+        }
+    }
+
     /// Radius of a ball about the body's origin that holds the geometry, m; infinite if a part is a plane.
     pub fn bounding_radius(&self) -> f64 {
         self.parts
