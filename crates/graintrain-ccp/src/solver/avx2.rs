@@ -9,7 +9,6 @@
 use super::avx2_single::SingleRegister;
 use super::lanes::{Batch, LANES, Lanes, Numbers, TaskWork, Vector};
 use std::arch::x86_64::*;
-use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 /// Four numbers. The type is private: values exist only inside [`run`], hence only where the processor has
 /// AVX2, which is what makes the calls of intrinsics below safe.
@@ -46,94 +45,79 @@ pub(super) fn run<W: TaskWork>(work: W) -> Result<(), W> {
     }
 }
 
-impl Default for Register {
-    #[inline(always)]
-    fn default() -> Self {
-        Self::splat(0.0)
-    }
+/// `+`, `+=`, `-`, `*`, unary `-` and [`Numbers`] of a register, by the intrinsics named.
+macro_rules! register_operations {
+    (
+        $register:ident of $number:ty: $splat:ident $xor:ident $sqrt:ident $compare:ident $blend:ident;
+        $($operator:ident $method:ident $operation:ident),*; $($pairwise:ident $of_pairs:ident),*
+    ) => {
+        impl Default for $register {
+            #[inline(always)]
+            fn default() -> Self {
+                Self::splat(0.0)
+            }
+        }
+
+        $(impl std::ops::$operator for $register {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                // SAFETY: see the type.
+                Self(unsafe { $operation(self.0, other.0) })
+            }
+        })*
+
+        impl std::ops::AddAssign for $register {
+            #[inline(always)]
+            fn add_assign(&mut self, other: Self) {
+                *self = *self + other;
+            }
+        }
+
+        impl std::ops::Neg for $register {
+            type Output = Self;
+            #[inline(always)]
+            fn neg(self) -> Self {
+                // SAFETY: see the type.
+                Self(unsafe { $xor(self.0, $splat(-0.0)) })
+            }
+        }
+
+        impl Numbers for $register {
+            const TINY: f64 = <$number>::MIN_POSITIVE as f64;
+
+            #[inline(always)]
+            fn splat(x: f64) -> Self {
+                // SAFETY: see the type.
+                Self(unsafe { $splat(x as $number) })
+            }
+
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                // SAFETY: see the type.
+                Self(unsafe { $sqrt(self.0) })
+            }
+
+            $(#[inline(always)]
+            fn $pairwise(self, other: Self) -> Self {
+                // SAFETY: see the type.
+                Self(unsafe { $of_pairs(self.0, other.0) })
+            })*
+
+            #[inline(always)]
+            fn at_most(self, bound: Self, yes: Self, no: Self) -> Self {
+                // SAFETY: see the type.
+                Self(unsafe { $blend(no.0, yes.0, $compare::<_CMP_LE_OQ>(self.0, bound.0)) })
+            }
+        }
+    };
 }
+pub(super) use register_operations;
 
-impl Add for Register {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        // SAFETY: see `Register`.
-        Self(unsafe { _mm256_add_pd(self.0, other.0) })
-    }
-}
-
-impl AddAssign for Register {
-    #[inline(always)]
-    fn add_assign(&mut self, other: Self) {
-        *self = *self + other;
-    }
-}
-
-impl Sub for Register {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        // SAFETY: see `Register`.
-        Self(unsafe { _mm256_sub_pd(self.0, other.0) })
-    }
-}
-
-impl Mul for Register {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        // SAFETY: see `Register`.
-        Self(unsafe { _mm256_mul_pd(self.0, other.0) })
-    }
-}
-
-impl Neg for Register {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        // SAFETY: see `Register`.
-        Self(unsafe { _mm256_xor_pd(self.0, _mm256_set1_pd(-0.0)) })
-    }
-}
-
-impl Numbers for Register {
-    const TINY: f64 = f64::MIN_POSITIVE;
-
-    #[inline(always)]
-    fn splat(x: f64) -> Self {
-        // SAFETY: see `Register`.
-        Self(unsafe { _mm256_set1_pd(x) })
-    }
-
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        // SAFETY: see `Register`.
-        Self(unsafe { _mm256_sqrt_pd(self.0) })
-    }
-
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        // SAFETY: see `Register`.
-        Self(unsafe { _mm256_max_pd(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        // SAFETY: see `Register`.
-        Self(unsafe { _mm256_min_pd(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn divide(self, other: Self) -> Self {
-        // SAFETY: see `Register`.
-        Self(unsafe { _mm256_div_pd(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn at_most(self, bound: Self, yes: Self, no: Self) -> Self {
-        // SAFETY: see `Register`.
-        Self(unsafe { _mm256_blendv_pd(no.0, yes.0, _mm256_cmp_pd::<_CMP_LE_OQ>(self.0, bound.0)) })
-    }
+register_operations! {
+    Register of f64: _mm256_set1_pd _mm256_xor_pd _mm256_sqrt_pd _mm256_cmp_pd _mm256_blendv_pd;
+    Add add _mm256_add_pd, Sub sub _mm256_sub_pd, Mul mul _mm256_mul_pd;
+    max _mm256_max_pd, min _mm256_min_pd, divide _mm256_div_pd
 }
 
 impl Vector for Register {
@@ -181,11 +165,7 @@ impl Vector for Register {
 
     #[inline(always)]
     fn prefetch<T>(datum: &T) {
-        for line in 0..size_of::<T>().div_ceil(CACHE_LINE) {
-            let address = std::ptr::from_ref(datum).cast::<i8>().wrapping_add(line * CACHE_LINE);
-            // SAFETY: a prefetch reads nothing, whatever the address.
-            unsafe { _mm_prefetch::<_MM_HINT_T0>(address) };
-        }
+        prefetch(datum);
     }
 
     #[inline(always)]
@@ -221,7 +201,17 @@ impl Vector for Register {
     }
 }
 
-pub(super) const CACHE_LINE: usize = 64;
+const CACHE_LINE: usize = 64;
+
+/// Asks for a datum that will be read soon.
+#[inline(always)]
+pub(super) fn prefetch<T>(datum: &T) {
+    for line in 0..size_of::<T>().div_ceil(CACHE_LINE) {
+        let address = std::ptr::from_ref(datum).cast::<i8>().wrapping_add(line * CACHE_LINE);
+        // SAFETY: a prefetch reads nothing, whatever the address.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(address) };
+    }
+}
 
 /// The low halves of two registers one after the other, for `_mm256_permute2f128_pd`.
 const LOW_HALVES: i32 = 0x20;

@@ -1,11 +1,10 @@
 //! Eight numbers in single precision in a vector register of x86-64 processors with AVX2.
 #![allow(unsafe_code)]
 
-use super::avx2::CACHE_LINE;
+use super::avx2::{prefetch, register_operations};
 use super::lanes::{Batch, Numbers};
 use super::octet::{EIGHT, Octet, SingleVector};
 use std::arch::x86_64::*;
-use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 /// Eight numbers. Nothing but [`run`](super::avx2::run) names the type: values exist only inside of that,
 /// hence only where the processor has AVX2, which is what makes the calls of intrinsics below safe.
@@ -13,94 +12,10 @@ use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 #[repr(transparent)]
 pub(super) struct SingleRegister(__m256);
 
-impl Default for SingleRegister {
-    #[inline(always)]
-    fn default() -> Self {
-        Self::splat(0.0)
-    }
-}
-
-impl Add for SingleRegister {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        // SAFETY: see `SingleRegister`.
-        Self(unsafe { _mm256_add_ps(self.0, other.0) })
-    }
-}
-
-impl AddAssign for SingleRegister {
-    #[inline(always)]
-    fn add_assign(&mut self, other: Self) {
-        *self = *self + other;
-    }
-}
-
-impl Sub for SingleRegister {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        // SAFETY: see `SingleRegister`.
-        Self(unsafe { _mm256_sub_ps(self.0, other.0) })
-    }
-}
-
-impl Mul for SingleRegister {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        // SAFETY: see `SingleRegister`.
-        Self(unsafe { _mm256_mul_ps(self.0, other.0) })
-    }
-}
-
-impl Neg for SingleRegister {
-    type Output = Self;
-    #[inline(always)]
-    fn neg(self) -> Self {
-        // SAFETY: see `SingleRegister`.
-        Self(unsafe { _mm256_xor_ps(self.0, _mm256_set1_ps(-0.0)) })
-    }
-}
-
-impl Numbers for SingleRegister {
-    const TINY: f64 = f32::MIN_POSITIVE as f64;
-
-    #[inline(always)]
-    fn splat(x: f64) -> Self {
-        // SAFETY: see `SingleRegister`.
-        Self(unsafe { _mm256_set1_ps(x as f32) })
-    }
-
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        // SAFETY: see `SingleRegister`.
-        Self(unsafe { _mm256_sqrt_ps(self.0) })
-    }
-
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        // SAFETY: see `SingleRegister`.
-        Self(unsafe { _mm256_max_ps(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        // SAFETY: see `SingleRegister`.
-        Self(unsafe { _mm256_min_ps(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn divide(self, other: Self) -> Self {
-        // SAFETY: see `SingleRegister`.
-        Self(unsafe { _mm256_div_ps(self.0, other.0) })
-    }
-
-    #[inline(always)]
-    fn at_most(self, bound: Self, yes: Self, no: Self) -> Self {
-        // SAFETY: see `SingleRegister`.
-        Self(unsafe { _mm256_blendv_ps(no.0, yes.0, _mm256_cmp_ps::<_CMP_LE_OQ>(self.0, bound.0)) })
-    }
+register_operations! {
+    SingleRegister of f32: _mm256_set1_ps _mm256_xor_ps _mm256_sqrt_ps _mm256_cmp_ps _mm256_blendv_ps;
+    Add add _mm256_add_ps, Sub sub _mm256_sub_ps, Mul mul _mm256_mul_ps;
+    max _mm256_max_ps, min _mm256_min_ps, divide _mm256_div_ps
 }
 
 /// Numbers 0 and 1 of both arguments, in each half, for `_mm256_shuffle_ps`.
@@ -218,10 +133,6 @@ impl SingleVector for SingleRegister {
 
     #[inline(always)]
     fn prefetch<T>(datum: &T) {
-        for line in 0..size_of::<T>().div_ceil(CACHE_LINE) {
-            let address = std::ptr::from_ref(datum).cast::<i8>().wrapping_add(line * CACHE_LINE);
-            // SAFETY: a prefetch reads nothing, whatever the address.
-            unsafe { _mm_prefetch::<_MM_HINT_T0>(address) };
-        }
+        prefetch(datum);
     }
 }
