@@ -37,7 +37,7 @@ use crate::residual::{FrictionModel, Residual, ResidualScale};
 use contacts::ContactArrays;
 use graintrain_linalg::block3::Block;
 use graintrain_linalg::real;
-use kernel::{Identity, NaturalMap, NaturalMapGiven, PowerStep, Store};
+use kernel::{Identity, NaturalMap, PowerStep, Store};
 use passes::{BodyPass, BodySweep, RowPass};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -635,7 +635,7 @@ impl ScaledProblem {
 
     /// As [`Self::residual`], given u = N' x + r' contact by contact.
     pub fn residual_given(&self, x: &mut [Batch], u: &mut [Batch], work: &mut PassWork) -> Residual {
-        let totals = self.contact_pass::<2, false, false>(&[], [x, u], work, &NaturalMapGiven);
+        let totals = self.contact_pass::<2, false, false>(&[], [x, u], work, &NaturalMap);
         self.residual_of(&totals)
     }
 

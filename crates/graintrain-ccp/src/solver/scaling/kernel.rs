@@ -163,14 +163,15 @@ impl Kernel<1> for PowerStep {
 /// Tallies the maximum and the sum of (eta_i |d_i| / V)^2 of the natural map in the original metric, no less
 /// than the rounding of the impulse (as
 /// [`ResidualScale::residual`](crate::residual::ResidualScale::residual)); gives d.
+/// The vectors are x and, where no pass has computed it, u.
 pub(super) struct NaturalMap;
 
-impl Kernel<1> for NaturalMap {
+impl<const M: usize> Kernel<M> for NaturalMap {
     #[inline(always)]
-    fn point<V: Vector>(&self, contact: ContactBatch<V>, u: &Batch<V>, [x]: [&Batch<V>; 1]) -> Batch<V> {
-        let u = contact.drive(u);
+    fn point<V: Vector>(&self, contact: ContactBatch<V>, u: &Batch<V>, vectors: [&Batch<V>; M]) -> Batch<V> {
+        let u = contact.drive(vectors.get(1).unwrap_or(&u));
         let Metric { along, across, .. } = contact.metric;
-        sub(&contact.metric.impulse(x), &[along * u[0], across * u[1], across * u[2]])
+        sub(&contact.metric.impulse(vectors[0]), &[along * u[0], across * u[1], across * u[2]])
     }
 
     #[inline(always)]
@@ -189,10 +190,10 @@ impl Kernel<1> for NaturalMap {
         &self,
         contact: ContactBatch<V>,
         KernelInput { projected, .. }: KernelInput<V>,
-        [x]: [&mut Batch<V>; 1],
+        vectors: [&mut Batch<V>; M],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
-        let impulse = contact.metric.impulse(x);
+        let impulse = contact.metric.impulse(vectors[0]);
         let d = sub(&impulse, &projected);
         let rounding = V::splat(f64::EPSILON * f64::EPSILON) * dot(&impulse, &impulse);
         // The second one where one is NaN.
@@ -207,9 +208,10 @@ impl Kernel<1> for NaturalMap {
         &self,
         contact: ContactBatch<V>,
         turning: &TurningBatch<V>,
-        [u, w]: &[Batch<V>; 2],
-        [x]: [&[Batch<V>; 2]; 1],
+        u: &[Batch<V>; 2],
+        vectors: [&[Batch<V>; 2]; M],
     ) -> [Batch<V>; 2] {
+        let (x, [u, w]) = (vectors[0], vectors.get(1).unwrap_or(&u));
         let moved = |contact: &ContactBatch<V>, u: &Batch<V>, x: &Batch<V>| {
             let Metric { along, across, .. } = contact.metric;
             sub(&contact.metric.impulse(x), &[along * u[0], across * u[1], across * u[2]])
@@ -234,10 +236,10 @@ impl Kernel<1> for NaturalMap {
         contact: ContactBatch<V>,
         turning: &TurningBatch<V>,
         [input, turned]: [KernelInput<V>; 2],
-        [x]: [&mut [Batch<V>; 2]; 1],
+        vectors: [&mut [Batch<V>; 2]; M],
         tally: &mut Tally<V>,
     ) -> [Batch<V>; 2] {
-        let impulse = [contact.metric.impulse(&x[0]), turning.rows.metric.impulse(&x[1])];
+        let impulse = [contact.metric.impulse(&vectors[0][0]), turning.rows.metric.impulse(&vectors[0][1])];
         let d = [sub(&impulse[0], &input.projected), sub(&impulse[1], &turned.projected)];
         let square_of = |[a, b]: &[Batch<V>; 2]| dot(a, a) + dot(b, b);
         let rounding = V::splat(f64::EPSILON * f64::EPSILON) * square_of(&impulse);
@@ -245,71 +247,6 @@ impl Kernel<1> for NaturalMap {
         tally.sum[0] += square;
         tally.max = tally.max.max(square);
         d
-    }
-}
-
-/// As [`NaturalMap`] where u is a vector.
-pub(super) struct NaturalMapGiven;
-
-impl Kernel<2> for NaturalMapGiven {
-    #[inline(always)]
-    fn point<V: Vector>(&self, contact: ContactBatch<V>, _: &Batch<V>, [x, u]: [&Batch<V>; 2]) -> Batch<V> {
-        NaturalMap.point(contact, u, [x])
-    }
-
-    #[inline(always)]
-    fn projected<V: Vector>(
-        &self,
-        contact: ContactBatch<V>,
-        u: &Batch<V>,
-        point: &Batch<V>,
-        tangential: V,
-    ) -> Batch<V> {
-        NaturalMap.projected(contact, u, point, tangential)
-    }
-
-    #[inline(always)]
-    fn at<V: Vector>(
-        &self,
-        contact: ContactBatch<V>,
-        input: KernelInput<V>,
-        [x, _]: [&mut Batch<V>; 2],
-        tally: &mut Tally<V>,
-    ) -> Batch<V> {
-        NaturalMap.at(contact, input, [x], tally)
-    }
-
-    #[inline(always)]
-    fn points<V: Vector>(
-        &self,
-        contact: ContactBatch<V>,
-        turning: &TurningBatch<V>,
-        _: &[Batch<V>; 2],
-        [x, u]: [&[Batch<V>; 2]; 2],
-    ) -> [Batch<V>; 2] {
-        NaturalMap.points(contact, turning, u, [x])
-    }
-
-    #[inline(always)]
-    fn projected_both<V: Vector>(
-        &self,
-        contact: ContactBatch<V>,
-        turning: &TurningBatch<V>,
-        points: [&Batch<V>; 2],
-    ) -> [Batch<V>; 2] {
-        NaturalMap.projected_both(contact, turning, points)
-    }
-
-    #[inline(always)]
-    fn at_both<V: Vector>(
-        &self,
-        contact: ContactBatch<V>,
-        turning: &TurningBatch<V>,
-        input: [KernelInput<V>; 2],
-        [x, _]: [&mut [Batch<V>; 2]; 2],
-        tally: &mut Tally<V>,
-    ) -> [Batch<V>; 2] {
-        NaturalMap.at_both(contact, turning, input, [x], tally)
     }
 }
 
