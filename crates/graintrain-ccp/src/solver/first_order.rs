@@ -95,54 +95,6 @@ pub struct FirstOrder<M> {
     single: Option<Prepared<SingleProblem>>,
 }
 
-/// A problem scaled and packed, in double or in single precision.
-trait Packed: Sized {
-    /// Of this problem, where that is possible, for sweeps from these impulses or for none; of several ranks,
-    /// each does its share of the passes.
-    fn of(
-        problem: &Ccp,
-        residual: &ResidualScale,
-        sweeps: Option<&[f64]>,
-        ranks: Option<&Arc<Ranks>>,
-    ) -> Option<Self>;
-
-    /// Replaces r.
-    fn replace_free_velocity(&mut self, r: &[f64]);
-}
-
-impl Packed for ScaledProblem {
-    fn of(
-        problem: &Ccp,
-        residual: &ResidualScale,
-        sweeps: Option<&[f64]>,
-        ranks: Option<&Arc<Ranks>>,
-    ) -> Option<Self> {
-        let make = if sweeps.is_some() { Self::for_sweeps } else { Self::new };
-        let mut scaled = make(problem, residual);
-        scaled.share_among(ranks);
-        Some(scaled)
-    }
-
-    fn replace_free_velocity(&mut self, r: &[f64]) {
-        self.set_free_velocity(r);
-    }
-}
-
-impl Packed for SingleProblem {
-    fn of(
-        problem: &Ccp,
-        residual: &ResidualScale,
-        sweeps: Option<&[f64]>,
-        ranks: Option<&Arc<Ranks>>,
-    ) -> Option<Self> {
-        Self::new(problem, residual, sweeps, ranks)
-    }
-
-    fn replace_free_velocity(&mut self, r: &[f64]) {
-        self.set_free_velocity(r);
-    }
-}
-
 /// The packed problem of the last solve, and what it was made of.
 struct Prepared<P> {
     delassus: DelassusIdentity,
@@ -153,14 +105,15 @@ struct Prepared<P> {
     packed: P,
 }
 
-impl<P: Packed> Prepared<P> {
-    /// The last one with another r, where nothing else differs (its order stays that of the impulses that the
-    /// first solve started from), or a new one.
+impl<P> Prepared<P> {
+    /// The last one with another r, put in by `set_r`, where nothing else differs (its order
+    /// stays that of the impulses that the first solve started from), or a new one, where `make` can.
     fn of(
         problem: &Ccp,
         ranks: Option<&Arc<Ranks>>,
         last: Option<Self>,
-        sweeps: Option<&[f64]>,
+        make: impl FnOnce(&ResidualScale) -> Option<P>,
+        set_r: impl FnOnce(&mut P, &[f64]),
     ) -> Option<Self> {
         if let Some(mut last) = last {
             let fits = last.delassus.is(&problem.delassus)
@@ -169,7 +122,7 @@ impl<P: Packed> Prepared<P> {
                 && last.friction == problem.friction
                 && last.turning == problem.turning;
             if fits {
-                last.packed.replace_free_velocity(&problem.r);
+                set_r(&mut last.packed, &problem.r);
                 return Some(last);
             }
         }
@@ -180,7 +133,7 @@ impl<P: Packed> Prepared<P> {
             turning: problem.turning.clone(),
             velocity: residual.velocity,
             ranks: ranks.map(Arc::clone),
-            packed: P::of(problem, &residual, sweeps, ranks)?,
+            packed: make(&residual)?,
         })
     }
 }
@@ -242,8 +195,13 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         }
         let start = impulse.to_vec();
         let ranks = limits.ranks().filter(|_| M::SHARED);
-        let sweeps = M::SWEEPS.then_some(&start[..]);
-        let prepared = Prepared::<ScaledProblem>::of(problem, ranks, self.prepared.take(), sweeps);
+        let make = |residual: &ResidualScale| {
+            let mut scaled = ScaledProblem::new(problem, residual, M::SWEEPS);
+            scaled.share_among(ranks);
+            Some(scaled)
+        };
+        let set_r = ScaledProblem::set_free_velocity;
+        let prepared = Prepared::of(problem, ranks, self.prepared.take(), make, set_r);
         let mut prepared = prepared.expect("every problem can be packed in double precision");
         let scaled = &mut prepared.packed;
         scaled.set_friction_model(model);
@@ -289,7 +247,9 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
     ) -> Option<SolveReport> {
         let ranks = limits.ranks().filter(|_| M::SHARED);
         let sweeps = M::SWEEPS.then_some(last.as_deref().unwrap_or(impulse));
-        let mut prepared = Prepared::<SingleProblem>::of(problem, ranks, self.single.take(), sweeps)?;
+        let make = |residual: &ResidualScale| SingleProblem::new(problem, residual, sweeps, ranks);
+        let set_r = SingleProblem::set_free_velocity;
+        let mut prepared = Prepared::of(problem, ranks, self.single.take(), make, set_r)?;
         prepared.packed.set_friction_model(model);
         let start = impulse.to_vec();
         let mut it = SingleIterate::new(

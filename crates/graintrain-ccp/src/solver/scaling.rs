@@ -143,18 +143,10 @@ pub(super) fn start_of_power(place: usize) -> [f64; 3] {
 }
 
 impl ScaledProblem {
-    /// Scales and packs a problem. Costs a few products with N.
-    pub fn new(problem: &Ccp, residual: &ResidualScale) -> Self {
-        Self::packed(problem, residual, false)
-    }
-
-    /// The same for a method that makes [sweeps](Self::sweep): in a stress-controlled cell one contact moves
-    /// bodies everywhere, and sweeps go through the rows of N.
-    pub fn for_sweeps(problem: &Ccp, residual: &ResidualScale) -> Self {
-        Self::packed(problem, residual, true)
-    }
-
-    fn packed(problem: &Ccp, residual: &ResidualScale, sweeps: bool) -> Self {
+    /// Scales and packs a problem, for a method that makes [sweeps](Self::sweep) or for one that makes none:
+    /// in a stress-controlled cell one contact moves bodies everywhere, and sweeps go through the rows of N.
+    /// Costs a few products with N.
+    pub fn new(problem: &Ccp, residual: &ResidualScale, sweeps: bool) -> Self {
         let contacts = problem.num_contacts();
         let owner = |block: usize| owner(problem, block);
         let c = residual.size();
