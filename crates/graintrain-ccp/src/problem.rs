@@ -126,7 +126,20 @@ pub enum CcpError {
 }
 
 impl Ccp {
-    /// A bare problem (N, r, mu), checked.
+    /// A bare problem (N, r, mu) as it is given.
+    pub fn bare(delassus: impl Into<Arc<Delassus>>, r: Vec<f64>, friction: Vec<f64>) -> Self {
+        Self {
+            delassus: delassus.into(),
+            r,
+            friction,
+            turning: Vec::new(),
+            velocity_scale: None,
+            points: Vec::new(),
+            identity: Vec::new(),
+        }
+    }
+
+    /// A bare problem, checked.
     ///
     /// # Errors
     /// See [`Ccp::validate`].
@@ -135,17 +148,7 @@ impl Ccp {
         r: Vec<f64>,
         friction: Vec<f64>,
     ) -> Result<Self, CcpError> {
-        let problem = Self {
-            delassus: delassus.into(),
-            r,
-            friction,
-            turning: Vec::new(),
-            velocity_scale: None,
-            points: Vec::new(),
-            identity: Vec::new(),
-        };
-        problem.validate()?;
-        Ok(problem)
+        Self::with_turning(delassus, r, friction, Vec::new())
     }
 
     /// The same problem where these contacts resist turning: N and r must have three more rows for each of
@@ -159,15 +162,7 @@ impl Ccp {
         friction: Vec<f64>,
         turning: Vec<TurningFriction>,
     ) -> Result<Self, CcpError> {
-        let problem = Self {
-            delassus: delassus.into(),
-            r,
-            friction,
-            turning,
-            velocity_scale: None,
-            points: Vec::new(),
-            identity: Vec::new(),
-        };
+        let problem = Self { turning, ..Self::bare(delassus, r, friction) };
         problem.validate()?;
         Ok(problem)
     }
@@ -182,6 +177,14 @@ impl Ccp {
         let size = |what, got, expected| {
             if got == expected { Ok(()) } else { Err(CcpError::Size { what, got, expected }) }
         };
+        let number = |what, contact, value: f64, is_right: bool, expected| {
+            if is_right { Ok(()) } else { Err(CcpError::Value { what, contact, value, expected }) }
+        };
+        let finite = |what, contact, x: f64| number(what, contact, x, x.is_finite(), "it must be finite");
+        let not_negative = |what, contact, x: f64| {
+            let is_right = x.is_finite() && x >= 0.0;
+            number(what, contact, x, is_right, "it must be finite and not negative")
+        };
         size("r", self.r.len(), 3 * blocks)?;
         size("friction", self.friction.len(), contacts)?;
         if let Delassus::Rigid(rigid) = &*self.delassus {
@@ -193,21 +196,12 @@ impl Ccp {
         if !self.identity.is_empty() {
             size("identity", self.identity.len(), contacts)?;
         }
-        for (k, &value) in self.r.iter().enumerate() {
-            if !value.is_finite() {
-                let expected = "it must be finite";
-                return Err(CcpError::Value { what: "r", contact: k / 3, value, expected });
-            }
+        for (k, &r) in self.r.iter().enumerate() {
+            finite("r", k / 3, r)?;
         }
-        if let Some(value) = self.velocity_scale.filter(|scale| !(scale.is_finite() && *scale >= 0.0)) {
-            let (what, expected) = ("the velocity scale", "it must be finite and not negative");
-            return Err(CcpError::Value { what, contact: 0, value, expected });
-        }
-        for (contact, &value) in self.friction.iter().enumerate() {
-            if !(value.is_finite() && value >= 0.0) {
-                let expected = "it must be finite and not negative";
-                return Err(CcpError::Value { what: "friction", contact, value, expected });
-            }
+        not_negative("the velocity scale", 0, self.velocity_scale.unwrap_or(0.0))?;
+        for (contact, &mu) in self.friction.iter().enumerate() {
+            not_negative("friction", contact, mu)?;
         }
         for (k, turning) in self.turning.iter().enumerate() {
             let TurningFriction { contact, rolling, spinning } = *turning;
@@ -220,34 +214,17 @@ impl Ccp {
                 let bound = contacts;
                 return Err(CcpError::Index { what: "turning contact", index: contact as usize, bound });
             }
-            if !ascends || !owned {
-                let (what, contact, value) = ("the place in `turning`", contact as usize, k as f64);
-                let expected = "entries must ascend by contact, and be those of the turning rows of N";
-                return Err(CcpError::Value { what, contact, value, expected });
-            }
-            for (what, value) in [("rolling friction", rolling), ("spinning friction", spinning)] {
-                if !(value.is_finite() && value >= 0.0) {
-                    let (contact, expected) = (contact as usize, "it must be finite and not negative");
-                    return Err(CcpError::Value { what, contact, value, expected });
-                }
-            }
+            let expected = "entries must ascend by contact, and be those of the turning rows of N";
+            let contact = contact as usize;
+            number("the place in `turning`", contact, k as f64, ascends && owned, expected)?;
+            not_negative("rolling friction", contact, rolling)?;
+            not_negative("spinning friction", contact, spinning)?;
         }
         for block in 0..blocks {
+            let turning = block.checked_sub(contacts);
+            let contact = turning.map_or(block, |k| self.turning[k].contact as usize);
             for value in self.delassus.diagonal_block(block) {
-                if !value.is_finite() {
-                    let expected = "it must be finite";
-                    let contact = if block < contacts {
-                        block
-                    } else {
-                        self.turning[block - contacts].contact as usize
-                    };
-                    return Err(CcpError::Value {
-                        what: "the diagonal block of N",
-                        contact,
-                        value,
-                        expected,
-                    });
-                }
+                finite("the diagonal block of N", contact, value)?;
             }
         }
         Ok(())

@@ -258,15 +258,7 @@ impl ImpactSolver<'_> {
         if let Some(cell) = cell {
             delassus = cell.put_into(delassus);
         }
-        let plastic = Ccp {
-            delassus: Arc::new(Delassus::Rigid(delassus)),
-            r: u.clone(),
-            friction: part.gather::<1, f64>(friction),
-            turning: Vec::new(),
-            velocity_scale: None,
-            points: Vec::new(),
-            identity: Vec::new(),
-        };
+        let plastic = Ccp::bare(Delassus::Rigid(delassus), u.clone(), part.gather::<1, f64>(friction));
         let mut elastic = plastic.clone();
         for (u, e) in elastic.r.chunks_exact_mut(3).zip(restitution) {
             u[0] *= 1.0 + e;

@@ -62,13 +62,9 @@ impl Scaled {
         }));
         let r = (0..3 * contacts).map(|k| factor[k / 3] * problem.r[k] / size).collect();
         let problem = Ccp {
-            delassus: Arc::clone(&matrix.scaled),
-            r,
-            friction: problem.friction.clone(),
-            turning: Vec::new(),
-            velocity_scale: None,
             points: problem.points.clone(),
             identity: problem.identity.clone(),
+            ..Ccp::bare(Arc::clone(&matrix.scaled), r, problem.friction.clone())
         };
         Self {
             problem,
