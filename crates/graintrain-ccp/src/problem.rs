@@ -1,7 +1,7 @@
 //! The cone complementarity problem: N, r, mu.
 
 use crate::cone::{FrictionCone, TurningCone, tangential_length};
-use crate::delassus::{Delassus, DelassusWork};
+use crate::delassus::{Delassus, DelassusWork, RigidDelassus};
 use graintrain_linalg::block3::PatternError;
 use graintrain_linalg::parallel::axpy;
 use rayon::prelude::*;
@@ -338,10 +338,11 @@ impl Ccp {
         }
     }
 
-    /// The same problem with N as a matrix, where the cell is stress-controlled; `None` where none does.
-    pub fn with_cell_as_matrix(&self) -> Option<Self> {
+    /// The same problem with N as a matrix, which every solver takes, where these are bodies that `asks` for
+    /// it.
+    pub fn as_matrix_if(&self, asks: impl FnOnce(&RigidDelassus) -> bool) -> Option<Self> {
         match &*self.delassus {
-            Delassus::Rigid(rigid) if rigid.cell().is_some() => {
+            Delassus::Rigid(rigid) if asks(rigid) => {
                 let delassus = Arc::new(Delassus::Sparse(rigid.assemble()));
                 Some(Self { delassus, ..self.clone() })
             }

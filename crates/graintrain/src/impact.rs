@@ -36,7 +36,6 @@ use crate::contact::Contact;
 use crate::integrate::{free_velocity, free_velocity_of, velocities};
 use crate::joint::mechanism::coupled_in_impacts;
 use crate::math::Vec3;
-use crate::part_solver::as_matrix_unless_plain;
 use crate::parts::{Part, parts};
 use crate::stepper::RepetitionParameters as Repetition;
 use crate::world::World;
@@ -299,7 +298,6 @@ impl ImpactSolver<'_> {
     }
 
     fn impulses(&mut self, problem: &Ccp, found: &mut Impacts) -> Result<Option<Vec<f64>>, CcpError> {
-        let in_cell = matches!(&*problem.delassus, Delassus::Rigid(rigid) if rigid.cell().is_some());
         let mut g = vec![0.0; problem.r.len()];
         let settings = SolveSettings {
             tolerance: self.parameters.tolerance,
@@ -309,7 +307,7 @@ impl ImpactSolver<'_> {
             ..SolveSettings::default()
         };
         // A cell's bodies are not coupled otherwise, and the solver takes it as one more.
-        let matrix = if in_cell { None } else { as_matrix_unless_plain(problem) };
+        let matrix = problem.as_matrix_if(|rigid| !rigid.is_plain() && rigid.cell().is_none());
         let report = self.solver.solve(matrix.as_ref().unwrap_or(problem), &mut g, &settings)?;
         found.residual = found.residual.worse(report.residual);
         Ok((report.status != Status::Stopped).then_some(g))

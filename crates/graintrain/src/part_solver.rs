@@ -154,7 +154,8 @@ impl PartSolver<'_> {
         // Of a few contacts there is nothing to share: ranks would only wait for each other.
         let ranks = self.settings.ranks.clone().filter(|_| is_bed);
         let settings = SolveSettings { curvature, ranks, ..self.bounded(problem) };
-        let matrix = as_matrix_unless_plain(problem);
+        // Where joints couple bodies or contacts are compliant.
+        let matrix = problem.as_matrix_if(|rigid| !rigid.is_plain());
         let posed = matrix.as_ref().unwrap_or(problem);
         let mut report = solve_without_gain(self.solver, &self.parameters.few, posed, g, &settings)?;
         report.curvature = report.curvature.filter(|_| is_bed);
@@ -168,18 +169,6 @@ pub(crate) struct Solved {
     pub report: SolveReport,
     /// Connected parts with a problem to solve.
     pub parts: usize,
-}
-
-/// The same problem with N as a matrix, where joints couple bodies or contacts are compliant: every solver
-/// takes that.
-pub(crate) fn as_matrix_unless_plain(problem: &Ccp) -> Option<Ccp> {
-    match &*problem.delassus {
-        Delassus::Rigid(rigid) if !rigid.is_plain() => {
-            let delassus = Arc::new(Delassus::Sparse(rigid.assemble()));
-            Some(Ccp { delassus, ..problem.clone() })
-        }
-        _ => None,
-    }
 }
 
 /// A solver and what is left of its iterations.

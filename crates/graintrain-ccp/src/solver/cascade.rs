@@ -468,7 +468,8 @@ impl Cascade {
     ) -> Result<bool, CcpError> {
         let is_only = self.members.len() == 1 && stage.task == Task::Solve;
         let member = self.members[stage.member].as_mut();
-        let matrix = if member.capabilities().cell { None } else { problem.with_cell_as_matrix() };
+        let takes_cell = member.capabilities().cell;
+        let matrix = problem.as_matrix_if(|rigid| !takes_cell && rigid.cell().is_some());
         let problem = matrix.as_ref().unwrap_or(problem);
         // A single method counts in its own iterations.
         let cost = if is_only { Cost::default() } else { member.cost(problem) };

@@ -198,7 +198,7 @@ mod tests {
     fn images_do_what_the_matrix_does() {
         for (bodies, contacts) in [(30, 60), (400, 900)] {
             let over_bodies = problem(random_cell(bodies, contacts, 11));
-            let over_rows = over_bodies.with_cell_as_matrix().unwrap();
+            let over_rows = over_bodies.as_matrix_if(|_| true).unwrap();
             for (tolerance, allowed) in [(1e-9, 1e-6), (2e-3, 0.3)] {
                 let settings = SolveSettings { tolerance, ..SolveSettings::default() };
                 let mut apgd = FirstOrder::new(Apgd::default());

@@ -55,14 +55,12 @@ use super::driver::Limits;
 use super::ipm::scaled::Scaled;
 use super::report::{SolveReport, Status};
 use super::settings::SolveSettings;
-use crate::delassus::Delassus;
 use crate::newton::direct::Direct;
 use crate::newton::driver::NewtonDriver;
 use crate::problem::{Ccp, CcpError};
 use crate::residual::{FrictionModel, ResidualScale};
 use certificate::Evaluator;
 use std::borrow::Cow;
-use std::sync::Arc;
 
 /// Looks for the impulses that prove most: for a problem with a solution `needed_velocity` is at most the
 /// largest change of velocity of a body in that solution over max_i |r_i|, for one without there is no bound
@@ -117,13 +115,7 @@ fn found(problem: &Ccp, settings: &SolveSettings, systems: &mut usize) -> Result
 /// The problem with N as a matrix where it is more than bodies that move one by one: V over bodies would know
 /// nothing of joints, springs and cells.
 fn measurable(problem: &Ccp) -> Cow<'_, Ccp> {
-    match &*problem.delassus {
-        Delassus::Rigid(rigid) if !rigid.is_plain() => {
-            let delassus = Arc::new(Delassus::Sparse(rigid.assemble()));
-            Cow::Owned(Ccp { delassus, ..problem.clone() })
-        }
-        _ => Cow::Borrowed(problem),
-    }
+    problem.as_matrix_if(|rigid| !rigid.is_plain()).map_or(Cow::Borrowed(problem), Cow::Owned)
 }
 
 /// V / max_i |r_i| for the projection of `g` on the cones.
