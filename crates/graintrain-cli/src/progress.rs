@@ -259,18 +259,10 @@ mod tests {
             solver: "apgd".to_string(),
             status,
             iterations: 1,
-            linear_iterations: 0,
-            products: 0,
-            curvature: None,
             residual,
             residual_relaxed: residual,
             residual_coulomb: residual,
-            objective: 0.0,
-            seconds: 0.0,
-            newton: Vec::new(),
-            history: Vec::new(),
-            stages: Vec::new(),
-            remark: None,
+            ..SolveReport::default()
         }
     }
 

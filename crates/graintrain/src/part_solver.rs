@@ -2,11 +2,8 @@
 
 use crate::parts::parts;
 use graintrain_ccp::residual::ResidualScale;
-use graintrain_ccp::{
-    Ccp, CcpError, CcpSolver, Delassus, FrictionModel, Residual, SolveReport, SolveSettings, Status,
-};
+use graintrain_ccp::{Ccp, CcpError, CcpSolver, Delassus, FrictionModel, SolveReport, SolveSettings, Status};
 use graintrain_linalg::real;
-use std::sync::Arc;
 
 /// What the solution part by part is tuned by.
 #[derive(Clone, Debug)]
@@ -110,7 +107,7 @@ impl PartSolver<'_> {
             return Ok(Solved { report, parts: 1 });
         }
         let count = parts.len();
-        let mut merged = nothing_to_solve(self.solver.name());
+        let mut merged = SolveReport { solver: self.solver.name(), ..SolveReport::default() };
         let mut largest = 0;
         for part in parts {
             let (own, places) = part.problem(problem, rigid, (self.gravity, self.step));
@@ -303,27 +300,6 @@ fn parts_freely(problem: &Ccp) -> bool {
     contacts.all(|(i, (r, mu))| r[0] >= mu * real::hypot(r[1], r[2]) + turning(i))
 }
 
-/// The report of a step without contacts.
-fn nothing_to_solve(solver: String) -> SolveReport {
-    SolveReport {
-        solver,
-        status: Status::Converged,
-        iterations: 0,
-        linear_iterations: 0,
-        products: 0,
-        curvature: None,
-        residual: Residual::default(),
-        residual_relaxed: Residual::default(),
-        residual_coulomb: Residual::default(),
-        objective: 0.0,
-        seconds: 0.0,
-        newton: Vec::new(),
-        history: Vec::new(),
-        stages: Vec::new(),
-        remark: None,
-    }
-}
-
 /// Adds the report of a part; the largest part gives the name and the history.
 fn merge(all: &mut SolveReport, part: SolveReport, names: bool) {
     let rank = |status: Status| match status {
@@ -370,7 +346,7 @@ mod tests {
             settings: &SolveSettings,
         ) -> Result<SolveReport, CcpError> {
             let asked_for_less = settings.tolerance == 0.5e-4;
-            let mut report = nothing_to_solve(self.name());
+            let mut report = SolveReport { solver: self.name(), ..SolveReport::default() };
             g[0] = if asked_for_less { 1.0 + 0.2e-4 } else { 1.0 + 1.5e-4 };
             evaluate(problem, g, settings.friction, &mut report);
             report.status = if asked_for_less { Status::Stopped } else { Status::Stalled };

@@ -144,17 +144,13 @@ impl<'a> Limits<'a> {
             status,
             iterations,
             linear_iterations,
-            products: 0,
-            curvature: None,
             residual,
             residual_relaxed: evaluation.relaxed,
             residual_coulomb: evaluation.coulomb,
             objective: problem.objective(impulse, &velocity),
             seconds: self.seconds(),
-            newton: Vec::new(),
-            history: Vec::new(),
-            stages: Vec::new(),
             remark: (status == Status::Infeasible).then(|| INFEASIBLE.to_string()),
+            ..SolveReport::default()
         }
     }
 

@@ -5,10 +5,11 @@ use crate::newton::NewtonRecord;
 use crate::residual::Residual;
 
 /// Why a solver stopped. Not reaching the tolerance is a status, not an error.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Status {
     /// The residual, as measured, is at most the tolerance.
+    #[default]
     Converged,
     /// No further progress is possible (round-off, breakdown of a linear solve).
     Stalled,
@@ -49,8 +50,9 @@ pub struct StageRecord {
     pub status: Status,
 }
 
-/// What a solve did. The impulses returned are the best iterate found, converged or not.
-#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
+/// What a solve did, by default nothing, where there was nothing to do. The impulses returned are the best
+/// iterate found, converged or not.
+#[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct SolveReport {
     /// Name of the solver, with its linear solver where it has one.
     pub solver: String,
