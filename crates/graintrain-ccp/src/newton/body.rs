@@ -2,7 +2,7 @@
 
 use super::body_matrix::BodyMatrix;
 use super::convergence::{ConvergenceRate, few_iterations, product_flops};
-use super::refinement::{REFINEMENTS, SHIFTS};
+use super::refinement::{REFINEMENTS, ShiftedCholesky};
 use super::system::{LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use crate::delassus::Delassus;
 use graintrain_linalg::cholesky::SparseCholesky;
@@ -53,12 +53,10 @@ fn multiply_scaled(matrix: &BodyMatrix, z: &[f64], y: &mut [f64], velocity: &mut
 #[derive(Default)]
 pub struct BodyCholesky {
     matrix: Option<BodyMatrix>,
-    factor: Option<SparseCholesky>,
-    shifted: Vec<f64>,
+    factor: ShiftedCholesky,
     krylov: KrylovWork,
     velocity: Vec<f64>,
     image: Vec<f64>,
-    shift: f64,
 }
 
 impl NewtonSolver for BodyCholesky {
@@ -73,33 +71,13 @@ impl NewtonSolver for BodyCholesky {
     fn refresh(&mut self, system: &NewtonSystem<'_>) -> Result<(), NewtonError> {
         let new_pattern = refresh_matrix(&mut self.matrix, system, "body-cholesky")?;
         let Some(matrix) = &self.matrix else { return Ok(()) };
-        if new_pattern || self.factor.is_none() {
+        if new_pattern || self.factor.factor.is_none() {
             let ordering = Ordering::NestedDissection;
-            self.factor = Some(SparseCholesky::new(6, matrix.row_starts(), matrix.columns(), ordering));
+            self.factor.factor =
+                Some(SparseCholesky::new(6, matrix.row_starts(), matrix.columns(), ordering));
         }
-        let Some(factor) = &mut self.factor else { return Ok(()) };
-        let mut last = None;
-        for shift in SHIFTS {
-            self.shift = shift;
-            let attempt = if shift == 0.0 {
-                factor.factorize(matrix.blocks().as_flattened())
-            } else {
-                self.shifted.clear();
-                self.shifted.extend_from_slice(matrix.blocks().as_flattened());
-                for end in &matrix.row_starts()[1..] {
-                    for d in 0..6 {
-                        self.shifted[36 * (end - 1) + 7 * d] *= 1.0 + shift;
-                    }
-                }
-                factor.factorize(&self.shifted)
-            };
-            match attempt {
-                Ok(()) => return Ok(()),
-                Err(error) => last = Some(error),
-            }
-        }
-        let reason = last.map(|error| error.to_string()).unwrap_or_default();
-        Err(NewtonError::Breakdown { solver: "body-cholesky", reason })
+        let diagonal = matrix.row_starts()[1..].iter().map(|end| end - 1);
+        self.factor.factorize(("body-cholesky", 6), matrix.blocks().as_flattened(), diagonal)
     }
 
     fn solve(
@@ -109,7 +87,14 @@ impl NewtonSolver for BodyCholesky {
         z: &mut [f64],
         relative_tolerance: f64,
     ) -> LinearReport {
-        let Self { matrix: Some(matrix), factor: Some(factor), velocity, image, krylov, .. } = self else {
+        let Self {
+            matrix: Some(matrix),
+            factor: ShiftedCholesky { factor: Some(factor), .. },
+            krylov,
+            velocity,
+            image,
+        } = self
+        else {
             return LinearReport { residual: 1.0, ..Default::default() };
         };
         krylov.patience = system.patience.clone();
@@ -131,18 +116,11 @@ impl NewtonSolver for BodyCholesky {
             settings,
             krylov,
         );
-        LinearReport {
-            iterations: report.iterations,
-            residual: report.residual,
-            converged: report.converged(),
-        }
+        report.into()
     }
 
     fn figures(&self, figures: &mut BTreeMap<String, f64>) {
-        if let Some(factor) = &self.factor {
-            figures.insert("factor_entries".to_string(), factor.entries() as f64);
-            figures.insert("factor_shift".to_string(), self.shift);
-        }
+        self.factor.figures(figures);
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::body::BodyCholesky;
 use super::body_matrix::BodyMatrix;
-use super::refinement::{REFINEMENTS, SHIFTS};
+use super::refinement::{REFINEMENTS, ShiftedCholesky};
 use super::system::{LinearReport, NewtonError, NewtonSolver, NewtonSystem, multiply_scaled};
 use crate::delassus::{Delassus, DelassusWork, RigidDelassus};
 use graintrain_linalg::cholesky::{SparseCholesky, predicted_cost};
@@ -14,14 +14,12 @@ use std::collections::BTreeMap;
 /// gradients with the factor as preconditioner until the residual of the true matrix reaches the tolerance.
 #[derive(Default)]
 pub struct SchurCholesky {
-    factor: Option<SparseCholesky>,
+    factor: ShiftedCholesky,
     row_start: Vec<usize>,
     column: Vec<u32>,
-    shifted: Vec<f64>,
     work: KrylovWork,
     product: DelassusWork,
     scratch: Vec<f64>,
-    shift: f64,
 }
 
 impl NewtonSolver for SchurCholesky {
@@ -40,37 +38,14 @@ impl NewtonSolver for SchurCholesky {
         if self.row_start != matrix.row_starts() || self.column != matrix.columns() {
             self.row_start = matrix.row_starts().to_vec();
             self.column = matrix.columns().to_vec();
-            self.factor =
+            self.factor.factor =
                 Some(SparseCholesky::new(3, &self.row_start, &self.column, Ordering::NestedDissection));
         }
         if system.new_delassus {
             self.product = system.problem.delassus.work();
         }
-        let Some(factor) = &mut self.factor else { return Ok(()) };
-        let mut last = None;
-        for shift in SHIFTS {
-            self.shift = shift;
-            let attempt = if shift == 0.0 {
-                factor.factorize(matrix.blocks().as_flattened())
-            } else {
-                self.shifted.clear();
-                self.shifted.extend_from_slice(matrix.blocks().as_flattened());
-                for i in 0..matrix.num_rows() {
-                    if let Some(k) = matrix.position(i, i) {
-                        for d in 0..3 {
-                            self.shifted[9 * k + 4 * d] *= 1.0 + shift;
-                        }
-                    }
-                }
-                factor.factorize(&self.shifted)
-            };
-            match attempt {
-                Ok(()) => return Ok(()),
-                Err(error) => last = Some(error),
-            }
-        }
-        let reason = last.map(|error| error.to_string()).unwrap_or_default();
-        Err(NewtonError::Breakdown { solver: self.name(), reason })
+        let diagonal = (0..matrix.num_rows()).filter_map(|i| matrix.position(i, i));
+        self.factor.factorize(("schur-cholesky", 3), matrix.blocks().as_flattened(), diagonal)
     }
 
     fn solve(
@@ -80,7 +55,8 @@ impl NewtonSolver for SchurCholesky {
         z: &mut [f64],
         relative_tolerance: f64,
     ) -> LinearReport {
-        let Self { factor: Some(factor), product, scratch, work, .. } = self else {
+        let Self { factor: ShiftedCholesky { factor: Some(factor), .. }, product, scratch, work, .. } = self
+        else {
             return LinearReport { residual: 1.0, ..Default::default() };
         };
         work.patience = system.patience.clone();
@@ -107,18 +83,11 @@ impl NewtonSolver for SchurCholesky {
             settings,
             work,
         );
-        LinearReport {
-            iterations: report.iterations,
-            residual: report.residual,
-            converged: report.converged(),
-        }
+        report.into()
     }
 
     fn figures(&self, figures: &mut BTreeMap<String, f64>) {
-        if let Some(factor) = &self.factor {
-            figures.insert("factor_entries".to_string(), factor.entries() as f64);
-            figures.insert("factor_shift".to_string(), self.shift);
-        }
+        self.factor.figures(figures);
     }
 }
 

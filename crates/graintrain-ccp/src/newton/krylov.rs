@@ -160,13 +160,7 @@ impl NewtonSolver for SchurKrylov {
     ) -> LinearReport {
         z.fill(0.0);
         let settings = KrylovSettings { relative_tolerance, max_iterations: self.max_iterations };
-        let Some(report) = self.iterate(system, b, z, settings) else {
-            return LinearReport { residual: 1.0, ..Default::default() };
-        };
-        LinearReport {
-            iterations: report.iterations,
-            residual: report.residual,
-            converged: report.converged(),
-        }
+        let report = self.iterate(system, b, z, settings);
+        report.map_or(LinearReport { residual: 1.0, ..Default::default() }, LinearReport::from)
     }
 }

@@ -4,6 +4,7 @@ use crate::delassus::DelassusWork;
 use crate::problem::Ccp;
 use graintrain_linalg::block_ops::apply3;
 use graintrain_linalg::block3::{Block, BlockMatrix3};
+use graintrain_linalg::krylov::KrylovReport;
 use graintrain_linalg::patience::Patience;
 use std::collections::BTreeMap;
 
@@ -55,6 +56,13 @@ pub struct LinearReport {
     pub residual: f64,
     /// Whether the tolerance asked for was reached.
     pub converged: bool,
+}
+
+impl From<KrylovReport> for LinearReport {
+    fn from(report: KrylovReport) -> Self {
+        let converged = report.converged();
+        Self { iterations: report.iterations, residual: report.residual, converged }
+    }
 }
 
 /// Why a linear solver could not prepare itself for a matrix.

@@ -187,11 +187,7 @@ impl NewtonSolver for TrainSchur {
             settings,
             krylov,
         );
-        LinearReport {
-            iterations: report.iterations,
-            residual: report.residual,
-            converged: report.converged(),
-        }
+        report.into()
     }
 
     fn figures(&self, figures: &mut BTreeMap<String, f64>) {
