@@ -158,12 +158,7 @@ impl BodyMatrix {
         self.scaled.par_iter_mut().zip(&self.sides).zip(factor).with_min_len(512).for_each(
             |((scaled, sides), factor)| {
                 for (scaled, side) in scaled.iter_mut().zip(sides) {
-                    for (scaled, side) in scaled.chunks_exact_mut(3).zip(side.chunks_exact(3)) {
-                        for c in 0..3 {
-                            scaled[c] =
-                                side[0] * factor[c] + side[1] * factor[3 + c] + side[2] * factor[6 + c];
-                        }
-                    }
+                    *scaled = times_block(side, factor);
                 }
             },
         );
@@ -185,18 +180,7 @@ impl BodyMatrix {
 
     /// y <- A z: length 6 bodies from length 3 contacts.
     pub fn gather(&self, z: &[f64], y: &mut [f64]) {
-        y.fill(0.0);
-        for (i, (bodies, sides)) in self.bodies.iter().zip(&self.scaled).enumerate() {
-            let z = [z[3 * i], z[3 * i + 1], z[3 * i + 2]];
-            for (&body, side) in bodies.iter().zip(sides) {
-                if body != FIXED {
-                    let y = &mut y[6 * body as usize..6 * body as usize + 6];
-                    for (y, row) in y.iter_mut().zip(side.chunks_exact(3)) {
-                        *y += row[0] * z[0] + row[1] * z[1] + row[2] * z[2];
-                    }
-                }
-            }
-        }
+        gather(&self.bodies, &self.scaled, z, y);
     }
 
     /// z <- z + sign A^T y.
@@ -267,6 +251,34 @@ impl Work for Product<'_> {
             }
         }
     }
+}
+
+/// y <- A z, given the sides of contacts and their bodies.
+pub(crate) fn gather(bodies: &[[u32; 2]], sides: &[[Side; 2]], z: &[f64], y: &mut [f64]) {
+    y.fill(0.0);
+    for (i, (bodies, sides)) in bodies.iter().zip(sides).enumerate() {
+        let z = [z[3 * i], z[3 * i + 1], z[3 * i + 2]];
+        for (&body, side) in bodies.iter().zip(sides) {
+            if body != FIXED {
+                let y = &mut y[6 * body as usize..6 * body as usize + 6];
+                for (y, row) in y.iter_mut().zip(side.chunks_exact(3)) {
+                    *y += row[0] * z[0] + row[1] * z[1] + row[2] * z[2];
+                }
+            }
+        }
+    }
+}
+
+/// A B with A of 6x3 and B of 3x3.
+#[inline]
+pub(crate) fn times_block(a: &Side, b: &Block) -> Side {
+    let mut product = [0.0; 18];
+    for (product, row) in product.chunks_exact_mut(3).zip(a.chunks_exact(3)) {
+        for c in 0..3 {
+            product[c] = row[0] * b[c] + row[1] * b[3 + c] + row[2] * b[6 + c];
+        }
+    }
+    product
 }
 
 /// block += A B^T with A, B of 6x3.

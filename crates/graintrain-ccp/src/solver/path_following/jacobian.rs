@@ -3,7 +3,7 @@
 
 use super::smoothing::{ContactBlocks, SmoothedProblem};
 use crate::delassus::{Delassus, FIXED, RigidDelassus};
-use crate::newton::body_matrix::{Side, add_product, scaled_sides};
+use crate::newton::body_matrix::{Side, add_product, gather, scaled_sides, times_block};
 use crate::newton::direct::{self, in_body_space};
 use crate::problem::Ccp;
 use graintrain_linalg::block_ops::{apply3, multiply3};
@@ -167,7 +167,7 @@ impl Jacobian {
                     let product = apply3(&blocks.weight, [dw[k], dw[k + 1], dw[k + 2]]);
                     dw[k..k + 3].copy_from_slice(&product);
                 }
-                bodies.gather(dw, &mut self.body_right);
+                gather(&bodies.pair, &bodies.sides, dw, &mut self.body_right);
                 self.lu.solve(&mut self.body_right);
                 dw.copy_from_slice(&self.residual);
                 bodies.scatter(&self.body_right, dw);
@@ -243,21 +243,6 @@ impl Bodies {
         }
     }
 
-    /// y <- D~ z.
-    fn gather(&self, z: &[f64], y: &mut [f64]) {
-        y.fill(0.0);
-        for (i, (pair, sides)) in self.pair.iter().zip(&self.sides).enumerate() {
-            for (&body, side) in pair.iter().zip(sides) {
-                if body != FIXED {
-                    let y = &mut y[6 * body as usize..6 * body as usize + 6];
-                    for (y, row) in y.iter_mut().zip(side.chunks_exact(3)) {
-                        *y += row[0] * z[3 * i] + row[1] * z[3 * i + 1] + row[2] * z[3 * i + 2];
-                    }
-                }
-            }
-        }
-    }
-
     /// z <- z - D~^T y.
     fn scatter(&self, y: &[f64], z: &mut [f64]) {
         for (i, (pair, sides)) in self.pair.iter().zip(&self.sides).enumerate() {
@@ -273,17 +258,6 @@ impl Bodies {
             }
         }
     }
-}
-
-/// A B with A of 6x3 and B of 3x3.
-fn times_block(a: &Side, b: &Block) -> Side {
-    let mut product = [0.0; 18];
-    for (product, row) in product.chunks_exact_mut(3).zip(a.chunks_exact(3)) {
-        for c in 0..3 {
-            product[c] = row[0] * b[c] + row[1] * b[3 + c] + row[2] * b[6 + c];
-        }
-    }
-    product
 }
 
 /// N' with all its diagonal blocks, and the symbolic factorisation of its pattern.
