@@ -91,29 +91,19 @@ impl NewtonSolver for SchurCholesky {
     }
 }
 
-/// Where [`Direct`] does not count operations to choose its space.
-#[derive(Clone, Copy, Debug)]
-pub struct Parameters {
-    /// Contacts per body above which body space is taken without counting operations.
-    pub clearly_body: f64,
-    /// Contacts per body below which contact space is taken without counting operations.
-    pub clearly_contact: f64,
-}
-
-impl Default for Parameters {
-    fn default() -> Self {
-        Self { clearly_body: 2.2, clearly_contact: 0.8 }
-    }
-}
+/// Contacts per body above which body space is taken without counting operations.
+const CLEARLY_BODY: f64 = 2.2;
+/// Contacts per body below which contact space is taken without counting operations.
+const CLEARLY_CONTACT: f64 = 0.8;
 
 /// Whether a factorisation over the bodies needs fewer operations than one over the contacts.
-pub(crate) fn in_body_space(rigid: &RigidDelassus, parameters: &Parameters) -> bool {
+pub(crate) fn in_body_space(rigid: &RigidDelassus) -> bool {
     let touched = (0..rigid.num_bodies()).filter(|&body| !rigid.sides(body).is_empty()).count();
     let ratio = rigid.num_contacts() as f64 / touched.max(1) as f64;
-    if ratio > parameters.clearly_body {
+    if ratio > CLEARLY_BODY {
         return true;
     }
-    if ratio < parameters.clearly_contact {
+    if ratio < CLEARLY_CONTACT {
         return false;
     }
     let body = BodyMatrix::new(rigid);
@@ -130,19 +120,6 @@ pub struct Direct {
     schur: SchurCholesky,
     body: BodyCholesky,
     in_body_space: bool,
-    /// The tuned constants.
-    pub parameters: Parameters,
-}
-
-impl Direct {
-    /// Chooses the space for a problem. Called before [`NewtonSolver::needs_matrix`] is asked for.
-    fn choose(&mut self, system: &NewtonSystem<'_>) {
-        let Delassus::Rigid(rigid) = &*system.problem.delassus else {
-            self.in_body_space = false;
-            return;
-        };
-        self.in_body_space = in_body_space(rigid, &self.parameters);
-    }
 }
 
 impl NewtonSolver for Direct {
@@ -151,7 +128,8 @@ impl NewtonSolver for Direct {
     }
 
     fn prepare(&mut self, system: &NewtonSystem<'_>) {
-        self.choose(system);
+        self.in_body_space =
+            matches!(&*system.problem.delassus, Delassus::Rigid(rigid) if in_body_space(rigid));
     }
 
     fn needs_matrix(&self) -> bool {

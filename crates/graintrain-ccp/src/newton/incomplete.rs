@@ -16,22 +16,12 @@ use crate::delassus::Delassus;
 use graintrain_linalg::real;
 use std::collections::BTreeMap;
 
-/// When [`IncompleteCholeskyCg`] leaves body space.
-#[derive(Clone, Copy, Debug)]
-pub struct Parameters {
-    /// Iterations in body space, per factor e of the residual asked for, after which contact space is tried.
-    pub compare: f64,
-    /// A solve in body space gives up after so many times the iterations of the last one.
-    pub give_up: usize,
-    /// Iterations in body space that are always granted.
-    pub granted: usize,
-}
-
-impl Default for Parameters {
-    fn default() -> Self {
-        Self { compare: 20.0, give_up: 2, granted: 150 }
-    }
-}
+/// Iterations in body space, per factor e of the residual asked for, after which contact space is tried.
+const COMPARE: f64 = 20.0;
+/// A solve in body space gives up after so many times the iterations of the last one.
+const GIVE_UP: usize = 2;
+/// Iterations in body space that are always granted.
+const GRANTED: usize = 150;
 
 /// Both solvers, and which of them is in use.
 pub struct IncompleteCholeskyCg {
@@ -45,19 +35,16 @@ pub struct IncompleteCholeskyCg {
     /// Iterations of the last solve in body space, and that number per factor e asked for.
     last: usize,
     last_rate: f64,
-    /// Iterations in body space, per factor e, that need the operations of contact space; `compare` until a
+    /// Iterations in body space, per factor e, that need the operations of contact space; `COMPARE` until a
     /// solve was made there, infinite after one that failed.
     worth: f64,
     /// Where the last answer comes from.
     answered_in_body_space: bool,
     best: Vec<f64>,
-    /// The tuned constants.
-    pub parameters: Parameters,
 }
 
 impl Default for IncompleteCholeskyCg {
     fn default() -> Self {
-        let parameters = Parameters::default();
         Self {
             body: BodyCg::incomplete_cholesky(),
             contact: SchurKrylov::incomplete_cholesky(),
@@ -66,10 +53,9 @@ impl Default for IncompleteCholeskyCg {
             in_body_space: false,
             last: 0,
             last_rate: 0.0,
-            worth: parameters.compare,
+            worth: COMPARE,
             answered_in_body_space: false,
             best: Vec::new(),
-            parameters,
         }
     }
 }
@@ -151,7 +137,7 @@ impl NewtonSolver for IncompleteCholeskyCg {
         // Another solve begins with weights that are alike, also where N has stayed.
         if system.new_delassus || system.iteration == 0 {
             self.in_body_space = matches!(*system.problem.delassus, Delassus::Rigid(_));
-            (self.last, self.last_rate, self.worth) = (0, 0.0, self.parameters.compare);
+            (self.last, self.last_rate, self.worth) = (0, 0.0, COMPARE);
         }
         if self.in_body_space {
             self.in_body_space = self.body.refresh(system).is_ok();
@@ -175,11 +161,7 @@ impl NewtonSolver for IncompleteCholeskyCg {
         }
         let mut spent = 0;
         if self.last_rate < self.worth {
-            let granted = if self.worth.is_finite() {
-                self.parameters.granted.max(self.parameters.give_up * self.last)
-            } else {
-                LIMIT
-            };
+            let granted = if self.worth.is_finite() { GRANTED.max(GIVE_UP * self.last) } else { LIMIT };
             let report = self.solve_in_body_space(system, b, z, relative_tolerance, granted);
             if report.converged || granted == LIMIT || system.patience.is_over() {
                 return report;

@@ -37,41 +37,22 @@ use crate::solver::ipm::scaled::{Scaled, ScaledMatrix};
 use crate::solver::report::{SolveReport, Status};
 use crate::solver::settings::SolveSettings;
 
-/// What [`Scip`] is tuned by.
-#[derive(Clone, Debug)]
-pub struct Parameters {
-    /// Iterations allowed where the settings name no limit.
-    pub iterations: usize,
-    /// gamma of the neighbourhood.
-    pub neighbourhood: f64,
-    /// Part of the way to the boundary that a step may go at most.
-    pub fraction: f64,
-    /// Bounds of sigma: the shorter the last step, the more the next one goes back to the central path.
-    pub centring: [f64; 2],
-    /// Iterations without a better residual before giving up.
-    pub patience: usize,
-    /// Steps shorter than this lead nowhere.
-    pub shortest: f64,
-    /// Barrier of a start from zero, in the scaled problem.
-    pub cold_barrier: f64,
-    /// Bounds of the barrier of a warm start.
-    pub warm_barrier: [f64; 2],
-}
-
-impl Default for Parameters {
-    fn default() -> Self {
-        Self {
-            iterations: 200,
-            neighbourhood: 1e-2,
-            fraction: 0.99,
-            centring: [0.05, 0.9],
-            patience: 20,
-            shortest: 1e-8,
-            cold_barrier: 1e4,
-            warm_barrier: [1e-4, 1.0],
-        }
-    }
-}
+/// Iterations allowed where the settings name no limit.
+const ITERATIONS: usize = 200;
+/// gamma of the neighbourhood.
+const NEIGHBOURHOOD: f64 = 1e-2;
+/// Part of the way to the boundary that a step may go at most.
+const FRACTION: f64 = 0.99;
+/// Bounds of sigma: the shorter the last step, the more the next one goes back to the central path.
+const CENTRING: [f64; 2] = [0.05, 0.9];
+/// Iterations without a better residual before giving up.
+const PATIENCE: usize = 20;
+/// Steps shorter than this lead nowhere.
+const SHORTEST: f64 = 1e-8;
+/// Barrier of a start from zero, in the scaled problem.
+const COLD_BARRIER: f64 = 1e4;
+/// Bounds of the barrier of a warm start.
+const WARM_BARRIER: [f64; 2] = [1e-4, 1.0];
 
 /// The symmetric cone interior point, see the [module](self).
 ///
@@ -81,14 +62,12 @@ pub struct Scip {
     newton: NewtonDriver,
     /// The scaled N of the last problem.
     scaled: Option<ScaledMatrix>,
-    /// The tuned constants.
-    pub parameters: Parameters,
 }
 
 impl Scip {
     /// With a linear solver of one's own.
     pub fn with_solver(linear: Box<dyn NewtonSolver>) -> Self {
-        Self { newton: NewtonDriver::new(linear), scaled: None, parameters: Parameters::default() }
+        Self { newton: NewtonDriver::new(linear), scaled: None }
     }
 }
 
@@ -105,12 +84,12 @@ fn least_eigenvalue(pair: &Pair) -> f64 {
 
 /// Goes as far as the cones allow, at most 1, and back until the neighbourhood is met; returns the step, 0
 /// where none was found. `before` is room for the pairs.
-fn advance(work: &mut Work, before: &mut [Pair], parameters: &Parameters) -> f64 {
+fn advance(work: &mut Work, before: &mut [Pair]) -> f64 {
     before.copy_from_slice(&work.pairs);
-    let mut alpha = (parameters.fraction * work.longest_step()).min(1.0);
-    while alpha > parameters.shortest {
+    let mut alpha = (FRACTION * work.longest_step()).min(1.0);
+    while alpha > SHORTEST {
         work.advance(alpha);
-        let bound = parameters.neighbourhood * work.barrier();
+        let bound = NEIGHBOURHOOD * work.barrier();
         if work.pairs.iter().all(|pair| least_eigenvalue(pair) >= bound) {
             return alpha;
         }
@@ -132,14 +111,13 @@ impl Scip {
             return status;
         }
         let barrier = if work.g.iter().any(|&g| g != 0.0) {
-            work.distance(inner, &inner.r)
-                .clamp(self.parameters.warm_barrier[0], self.parameters.warm_barrier[1])
+            work.distance(inner, &inner.r).clamp(WARM_BARRIER[0], WARM_BARRIER[1])
         } else {
-            self.parameters.cold_barrier
+            COLD_BARRIER
         };
         work.start(inner, &inner.r, barrier);
         let mut before = work.pairs.clone();
-        let mut progress = Progress::new(self.parameters.patience);
+        let mut progress = Progress::new(PATIENCE);
         let mut last_step = 0.0_f64;
         loop {
             work.impulses_from_pairs();
@@ -159,8 +137,7 @@ impl Scip {
             if self.newton.refresh(inner, work.blocks(), context.iterations, residual).is_err() {
                 return Status::Stalled;
             }
-            let sigma =
-                (1.0 - last_step).powi(2).clamp(self.parameters.centring[0], self.parameters.centring[1]);
+            let sigma = (1.0 - last_step).powi(2).clamp(CENTRING[0], CENTRING[1]);
             let target = sigma * work.barrier();
             work.right_hand_side(1.0, |_, lambda| {
                 let square = product(lambda, lambda);
@@ -170,7 +147,7 @@ impl Scip {
             work.solve(|blocks, b, z| {
                 self.newton.solve(inner, blocks, b, z, tolerance);
             });
-            last_step = advance(&mut work, &mut before, &self.parameters);
+            last_step = advance(&mut work, &mut before);
             self.newton.end_iteration(last_step);
             context.iterations += 1;
             if last_step == 0.0 {
@@ -189,7 +166,7 @@ impl CcpSolver for Scip {
     }
 
     fn iteration_limit(&self) -> usize {
-        self.parameters.iterations
+        ITERATIONS
     }
 
     fn solve(
@@ -199,7 +176,7 @@ impl CcpSolver for Scip {
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
         problem.require_sliding_alone(&self.name())?;
-        let limits = Limits::start(settings, self.parameters.iterations);
+        let limits = Limits::start(settings, ITERATIONS);
         check_start(problem, impulse)?;
         let scale = ResidualScale::new(problem);
         if problem.num_contacts() == 0 {

@@ -13,22 +13,12 @@ use crate::newton::incomplete::IncompleteCholeskyCg;
 use crate::newton::{ConvergenceRate, LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use std::collections::BTreeMap;
 
-/// When [`TensorTrain`] tries again after a loss.
-#[derive(Clone, Copy, Debug)]
-pub struct Parameters {
-    /// Matrices to pass after the first loss.
-    pub wait: u32,
-    /// Factor on the wait after every further loss.
-    pub back_off: u32,
-    /// Longest wait.
-    pub longest_wait: u32,
-}
-
-impl Default for Parameters {
-    fn default() -> Self {
-        Self { wait: 8, back_off: 4, longest_wait: 4096 }
-    }
-}
+/// Matrices to pass after the first loss.
+const WAIT: u32 = 8;
+/// Factor on the wait after every further loss.
+const BACK_OFF: u32 = 4;
+/// Longest wait.
+const LONGEST_WAIT: u32 = 4096;
 
 /// The two solvers and which of them holds the current matrix.
 pub struct TensorTrain {
@@ -43,8 +33,6 @@ pub struct TensorTrain {
     wait: u32,
     /// Whether to wait after a loss.
     patient: bool,
-    /// The tuned constants.
-    pub parameters: Parameters,
 }
 
 impl Default for TensorTrain {
@@ -69,7 +57,6 @@ impl TensorTrain {
             losses: 0,
             wait: 0,
             patient: true,
-            parameters: Parameters::default(),
         }
     }
 
@@ -78,11 +65,7 @@ impl TensorTrain {
         if !self.patient {
             return;
         }
-        let parameters = self.parameters;
-        self.wait = parameters
-            .wait
-            .saturating_mul(parameters.back_off.saturating_pow(self.losses))
-            .min(parameters.longest_wait);
+        self.wait = WAIT.saturating_mul(BACK_OFF.saturating_pow(self.losses)).min(LONGEST_WAIT);
         self.losses = self.losses.saturating_add(1);
     }
 

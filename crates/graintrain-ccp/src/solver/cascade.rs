@@ -55,64 +55,39 @@ const TIGHT: f64 = 1e-6;
 /// its least residual. Settled packings creep for hundreds of iterations, jammed ones for ever.
 const PATIENCE: usize = 500;
 
-/// What a race is tuned by.
-#[derive(Clone, Debug)]
-pub struct RaceParameters {
-    /// Iterations of a turn over those that there are for the race, and the least and the most of them.
-    pub turn: (f64, [usize; 2]),
-    /// First turn of the first runner in such turns, twice as many as its turn from no impulses has: most
-    /// problems are solved in one of them.
-    pub first: usize,
-    /// Contacts from which on gradients run first, where single precision serves and where it does not: ranks
-    /// share them, and threads without limit. Threads share sweeps in single precision, which gain little
-    /// with so many contacts.
-    pub gradients_first: [usize; 2],
-    /// The next turn of a runner is twice as long. One that gained nothing in a turn of so many has given up.
-    pub longest: usize,
+/// Iterations of a turn of a race over those that there are for it, and the least and the most of them.
+pub(super) const TURN: (f64, [usize; 2]) = (1.0 / 12.0, [500, 2500]);
+/// First turn of the first runner in such turns, twice as many as its turn from no impulses has: most
+/// problems are solved in one of them.
+const FIRST: usize = 4;
+/// Contacts from which on gradients run first, where single precision serves and where it does not: ranks
+/// share them, and threads without limit. Threads share sweeps in single precision, which gain little
+/// with so many contacts.
+pub(super) const GRADIENTS_FIRST: [usize; 2] = [65_536, 8_192];
+/// The next turn of a runner is twice as long. One that gained nothing in a turn of so many has given up.
+pub(super) const LONGEST: usize = 40_000;
+/// The finish is made where the residual is above this (and the tolerance): below, errors of the impulses are
+/// those of single contacts.
+pub(super) const ABOVE: f64 = 0.03;
+
+/// Iterations of a turn where there are so many for the race.
+fn turn(share: usize) -> usize {
+    let (part, [least, most]) = TURN;
+    ((share as f64 * part) as usize).clamp(least, most)
 }
 
-impl Default for RaceParameters {
-    fn default() -> Self {
-        Self { turn: (1.0 / 12.0, [500, 2500]), first: 4, gradients_first: [65_536, 8_192], longest: 40_000 }
-    }
-}
-
-/// What the finish of a solve with a limit is tuned by.
-#[derive(Clone, Debug)]
-pub struct FinishParameters {
-    /// It is made where the residual is above this (and the tolerance): below, errors of the impulses are
-    /// those of single contacts.
-    pub above: f64,
-    /// Its relaxed problems.
-    pub from_below: fixed_point::BelowParameters,
-}
-
-impl Default for FinishParameters {
-    fn default() -> Self {
-        Self { above: 0.03, from_below: fixed_point::BelowParameters::default() }
-    }
-}
-
-impl RaceParameters {
-    /// Iterations of a turn where there are so many for the race.
-    fn turn(&self, share: usize) -> usize {
-        let (part, [least, most]) = self.turn;
-        ((share as f64 * part) as usize).clamp(least, most)
-    }
-
-    /// The runners of a race in their order: places among the three members.
-    fn runners(&self, problem: &Ccp, settings: &SolveSettings) -> &'static [usize] {
-        let [in_single, in_double] = self.gradients_first;
-        let suits = single::suits(problem, settings, &single::Parameters::default());
-        let is_large = problem.num_contacts() >= if suits { in_single } else { in_double };
-        if problem.contacts_across() > 0 {
-            // Over the rows of a cell sweeps would cost many times what gradients do over its bodies.
-            &[0]
-        } else if is_large || touches_at_faces(problem) {
-            &[0, 1, 2]
-        } else {
-            &[1, 2, 0]
-        }
+/// The runners of a race in their order: places among the three members.
+fn runners(problem: &Ccp, settings: &SolveSettings) -> &'static [usize] {
+    let [in_single, in_double] = GRADIENTS_FIRST;
+    let is_large =
+        problem.num_contacts() >= if single::suits(problem, settings) { in_single } else { in_double };
+    if problem.contacts_across() > 0 {
+        // Over the rows of a cell sweeps would cost many times what gradients do over its bodies.
+        &[0]
+    } else if is_large || touches_at_faces(problem) {
+        &[0, 1, 2]
+    } else {
+        &[1, 2, 0]
     }
 }
 
@@ -133,7 +108,7 @@ enum Task {
     Solve,
     /// Treats exact friction in its own iterations: [`CcpSolver::solve_exact`].
     Exact,
-    /// The same by this and the next two members ([`RaceParameters::runners`]), a turn of each.
+    /// The same by this and the next two members ([`runners`]), a turn of each.
     Round,
     /// A turn of the first of them from no impulses: those of another time may be the worst start of all.
     Afresh,
@@ -181,12 +156,6 @@ pub struct Cascade {
     /// Tables for loose and tight tolerances where friction is relaxed, and for exact friction.
     relaxed: [Vec<Stage>; 2],
     exact: Vec<Stage>,
-    /// Of the fixed point.
-    pub fixed_point: fixed_point::Parameters,
-    /// Of races.
-    pub race: RaceParameters,
-    /// Of the finish.
-    pub finish: FinishParameters,
 }
 
 /// The runners of a race, gradients, sweeps with a momentum and sweeps without, and the path. Over-relaxed by
@@ -252,9 +221,6 @@ impl Cascade {
                 vec![solve(ipm, usize::MAX), solve(patient, 100_000), proof(ipm)],
             ],
             exact: exact_table(exact, &[exact + 1, exact, ipm]),
-            fixed_point: fixed_point::Parameters::default(),
-            race: RaceParameters::default(),
-            finish: FinishParameters::default(),
         }
     }
 
@@ -279,15 +245,7 @@ impl Cascade {
             exact = vec![own(Start::Last), own(Start::Zero)];
         }
         exact.push(Stage::new(0, Task::FixedPoint, Start::Best, limit.saturating_mul(10)));
-        Self {
-            name: member.name(),
-            members: vec![member],
-            relaxed: [alone.clone(), alone],
-            exact,
-            fixed_point: fixed_point::Parameters::default(),
-            race: RaceParameters::default(),
-            finish: FinishParameters::default(),
-        }
+        Self { name: member.name(), members: vec![member], relaxed: [alone.clone(), alone], exact }
     }
 
     fn table(&self, settings: &SolveSettings) -> &[Stage] {
@@ -346,7 +304,7 @@ impl CcpSolver for Cascade {
         for (place, stage) in table.iter().enumerate() {
             let gets_all = Some(place) == last || stage.most == usize::MAX;
             let residual = course.best.residual();
-            let is_near = residual <= self.finish.above.max(settings.tolerance);
+            let is_near = residual <= ABOVE.max(settings.tolerance);
             let is_limited = limits.iterations_left(0) != usize::MAX;
             let share = match stage.task {
                 Task::Finish if is_near => 0,
@@ -388,12 +346,11 @@ impl Cascade {
         limits: &Limits<'_>,
         course: &mut Course,
     ) -> Result<bool, CcpError> {
-        let RaceParameters { first, longest, .. } = self.race;
-        let turn = self.race.turn(share);
+        let turn = turn(share);
         let is_round = stage.task == Task::Round;
-        let order = self.race.runners(problem, settings);
+        let order = runners(problem, settings);
         let runner = |(place, k): (usize, &usize)| {
-            let length = if place == 0 && is_round { first * turn } else { turn };
+            let length = if place == 0 && is_round { FIRST * turn } else { turn };
             Runner { member: stage.member + k, length, rate: None }
         };
         let mut runners: Vec<Runner> = order.iter().enumerate().map(runner).collect();
@@ -408,7 +365,7 @@ impl Cascade {
             });
             let Some(next) = next else { return Ok(false) };
             if left == 0
-                || (next.rate == Some(0.0) && next.length > longest)
+                || (next.rate == Some(0.0) && next.length > LONGEST)
                 || (is_round && next.rate.is_some())
             {
                 return Ok(false);
@@ -446,9 +403,9 @@ impl Cascade {
             return Ok(false);
         }
         let (before, last, memory) = (course.best.residual(), course.last.clone(), course.memory.clone());
-        let member = stage.member + self.race.runners(problem, settings)[0];
+        let member = stage.member + runners(problem, settings)[0];
         let own = Stage { member, task: Task::Exact, ..*stage };
-        let turn = self.race.first / 2 * self.race.turn(share);
+        let turn = FIRST / 2 * turn(share);
         let ended = self.make(&own, turn.min(share), problem, settings, limits, course)?;
         if course.best.residual() >= before {
             (course.last, course.memory) = (last, memory);
@@ -504,10 +461,9 @@ impl Cascade {
                 exact.map(|report| report.expect("the member is capable of exact friction"))
             }
             Task::Proof => infeasible::verdict(problem, &g, course.status, &settings),
-            Task::FixedPoint => fixed_point::solve(member, problem, &mut g, &settings, &self.fixed_point),
+            Task::FixedPoint => fixed_point::solve(member, problem, &mut g, &settings),
             Task::Finish => {
-                let parameters = &self.finish.from_below;
-                let report = fixed_point::from_below(member, problem, &mut g, &settings, parameters);
+                let report = fixed_point::from_below(member, problem, &mut g, &settings);
                 let is_whole = report.as_ref().is_ok_and(|report| report.status != Status::Stopped);
                 if is_whole && g.iter().any(|&g| g != 0.0) {
                     course.best = Best::default();

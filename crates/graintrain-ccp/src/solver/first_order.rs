@@ -9,9 +9,6 @@ use super::report::{SolveReport, Status};
 use super::scaling::{Image, PassWork, ScaledProblem};
 use super::settings::SolveSettings;
 use super::single::{self, SingleIterate, SingleProblem};
-
-pub use super::single::Parameters as SingleParameters;
-
 use super::start::sampled_residual;
 use crate::delassus::{Delassus, DelassusIdentity};
 use crate::problem::{Ccp, CcpError, TurningFriction};
@@ -52,45 +49,22 @@ pub trait FirstOrderMethod: Send {
     fn run_single(&mut self, _it: &mut SingleIterate<'_>) {}
 }
 
-/// What all first-order methods are tuned by.
-#[derive(Clone, Debug)]
-pub struct Parameters {
-    /// Iterations between two evaluations of the residual, each of which costs about as much as an iteration.
-    pub check: usize,
-    /// Iterations between two evaluations of the image of x from x itself, a multiple of `check`: two per
-    /// cent of the work.
-    pub refresh: usize,
-    /// A start may miss the tolerance by this factor on a few contacts and still be looked at on all
-    /// (docs/solvers.md, "Early exit").
-    pub near: f64,
-    /// Iterations without which a further stage is not worth the packing.
-    pub least_iterations: usize,
-    /// Checks of the residual that a relaxed solve may go without a tenth off the least one before it ends as
-    /// [`Status::Stalled`].
-    pub patience: usize,
-    /// Of the iterations in single precision.
-    pub single: SingleParameters,
-}
-
-impl Default for Parameters {
-    fn default() -> Self {
-        Self {
-            check: 10,
-            refresh: 100,
-            near: 1.5,
-            least_iterations: 100,
-            patience: usize::MAX,
-            single: SingleParameters::default(),
-        }
-    }
-}
+/// Iterations between two evaluations of the residual, each of which costs about as much as an iteration.
+const CHECK: usize = 10;
+/// Iterations between two evaluations of the image of x from x itself, a multiple of `CHECK`: two per cent of
+/// the work.
+const REFRESH: usize = 100;
+/// A start may miss the tolerance by this factor on a few contacts and still be looked at on all
+/// (docs/solvers.md, "Early exit").
+pub(super) const NEAR: f64 = 1.5;
+/// Iterations without which a further stage is not worth the packing.
+const LEAST_ITERATIONS: usize = 100;
 
 /// Makes a [`CcpSolver`] of a first-order method. The scaled problem is kept between solves and used again
 /// while N, mu and V stay. Methods that can begin large problems in single precision.
 pub struct FirstOrder<M> {
     method: M,
-    /// What it is tuned by, beside the method's own parameters.
-    pub parameters: Parameters,
+    patience: usize,
     prepared: Option<Prepared<ScaledProblem>>,
     single: Option<Prepared<SingleProblem>>,
 }
@@ -148,14 +122,15 @@ struct Begun {
 }
 
 impl<M> FirstOrder<M> {
-    /// The solver with this method's parameters.
+    /// The solver that goes by this method.
     pub fn new(method: M) -> Self {
-        Self { method, parameters: Parameters::default(), prepared: None, single: None }
+        Self::with_patience(method, usize::MAX)
     }
 
-    /// The same with this [`Parameters::patience`].
+    /// The same that ends a relaxed solve as [`Status::Stalled`] after so many checks of the residual without
+    /// a tenth off the least one.
     pub fn with_patience(method: M, patience: usize) -> Self {
-        Self { parameters: Parameters { patience, ..Parameters::default() }, ..Self::new(method) }
+        Self { method, patience, prepared: None, single: None }
     }
 }
 
@@ -181,10 +156,10 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         let mut begun = Begun::default();
         // One contact of a stress-controlled cell moves all bodies: sweeps go through the rows of N.
         let over_bodies = !M::SWEEPS || problem.contacts_across() == 0;
-        if M::SINGLE && over_bodies && single::suits(problem, settings, &self.parameters.single) {
+        if M::SINGLE && over_bodies && single::suits(problem, settings) {
             if last.is_none()
                 && model == settings.friction
-                && let Some(report) = good_enough::<M>(problem, impulse, &limits, self.parameters.near, model)
+                && let Some(report) = good_enough::<M>(problem, impulse, &limits, model)
             {
                 return Ok(report);
             }
@@ -205,15 +180,10 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         let mut prepared = prepared.expect("every problem can be packed in double precision");
         let scaled = &mut prepared.packed;
         scaled.set_friction_model(model);
-        let mut it = Iterate::new(
-            scaled,
-            limits,
-            (self.parameters.check, self.parameters.refresh),
-            last.as_deref().unwrap_or(impulse),
-        );
+        let mut it = Iterate::new(scaled, limits, last.as_deref().unwrap_or(impulse));
         (it.iterations, it.history) = (begun.iterations, begun.history);
         if model == FrictionModel::Relaxed {
-            it.progress = Progress::new(self.parameters.patience);
+            it.progress = Progress::new(self.patience);
         }
         self.method.run(scaled, &mut it);
         if let Some(last) = last {
@@ -252,12 +222,7 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         let mut prepared = Prepared::of(problem, ranks, self.single.take(), make, set_r)?;
         prepared.packed.set_friction_model(model);
         let start = impulse.to_vec();
-        let mut it = SingleIterate::new(
-            &prepared.packed,
-            limits,
-            &self.parameters.single,
-            last.as_deref().unwrap_or(impulse),
-        );
+        let mut it = SingleIterate::new(&prepared.packed, limits, last.as_deref().unwrap_or(impulse));
         self.method.run_single(&mut it);
         it.unpack(impulse, last);
         problem.project(impulse);
@@ -281,7 +246,6 @@ fn good_enough<M: FirstOrderMethod>(
     problem: &Ccp,
     impulse: &[f64],
     limits: &Limits<'_>,
-    near: f64,
     model: FrictionModel,
 ) -> Option<SolveReport> {
     let Delassus::Rigid(rigid) = &*problem.delassus else { return None };
@@ -289,7 +253,7 @@ fn good_enough<M: FirstOrderMethod>(
     if rigid.cell().is_none() {
         let scale = ResidualScale::new(problem);
         let few = limits.measured(sampled_residual(problem, rigid, &scale, impulse, model));
-        if few.is_nan() || few > near * limits.tolerance() {
+        if few.is_nan() || few > NEAR * limits.tolerance() {
             return None;
         }
     }
@@ -333,7 +297,7 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
     }
 
     fn cost(&mut self, _: &Ccp) -> Cost {
-        Cost { least: self.parameters.least_iterations, ..Cost::default() }
+        Cost { least: LEAST_ITERATIONS, ..Cost::default() }
     }
 
     fn solve(
@@ -378,9 +342,6 @@ pub struct Iterate<'a> {
     /// Scratch of passes.
     pub work: PassWork,
     limits: Limits<'a>,
-    /// [`Parameters::check`], [`Parameters::refresh`].
-    check: usize,
-    refresh: usize,
     iterations: usize,
     history: History,
     best: Best<Batch>,
@@ -392,20 +353,13 @@ pub struct Iterate<'a> {
 }
 
 impl<'a> Iterate<'a> {
-    fn new(
-        scaled: &ScaledProblem,
-        limits: Limits<'a>,
-        (check, refresh): (usize, usize),
-        impulse: &[f64],
-    ) -> Self {
+    fn new(scaled: &ScaledProblem, limits: Limits<'a>, impulse: &[f64]) -> Self {
         let mut it = Self {
             x: scaled.zeros(),
             image: scaled.zero_image(),
             gradient: Vec::new(),
             work: scaled.work(),
             limits,
-            check,
-            refresh,
             iterations: 0,
             history: History::default(),
             best: Best::default(),
@@ -459,7 +413,7 @@ impl<'a> Iterate<'a> {
 
     /// Whether the next [`Self::proceed`] evaluates the residual.
     pub fn checks_next(&self) -> bool {
-        self.iterations.is_multiple_of(self.check) || self.limits.iterations_left(self.iterations) == 0
+        self.iterations.is_multiple_of(CHECK) || self.limits.iterations_left(self.iterations) == 0
     }
 
     /// Counts an iteration without a look at the residual; false where none is left.
@@ -471,7 +425,7 @@ impl<'a> Iterate<'a> {
 
     /// Evaluates the residual of x now, keeps x if it is the best, and says whether to go on.
     pub fn check(&mut self, scaled: &ScaledProblem) -> bool {
-        if self.iterations.is_multiple_of(self.refresh) {
+        if self.iterations.is_multiple_of(REFRESH) {
             self.refresh(scaled);
         }
         let mut found = self.residual(scaled);

@@ -12,34 +12,17 @@ use super::settings::SolveSettings;
 use crate::problem::{Ccp, CcpError};
 use crate::residual::{FrictionModel, ResidualScale};
 
-/// What [`solve`] is tuned by.
-#[derive(Clone, Debug)]
-pub struct Parameters {
-    /// Outer iterations allowed; the sequence needs 5 to 30 where it converges easily, some hundreds in
-    /// settled packings.
-    pub outer_limit: usize,
-    /// A relaxed solve is asked for this fraction of the exact residual: at first, and at the least.
-    pub inner_fraction: [f64; 2],
-    /// Outer iterations without a better residual before the fraction is lowered to a third.
-    pub slow: usize,
-    /// Outer iterations without a better residual before giving up.
-    pub patience: usize,
-    /// Least and largest factor of the extrapolation; the largest is 1 as soon as the residual was slow to
-    /// fall.
-    pub factor_range: [f64; 2],
-}
-
-impl Default for Parameters {
-    fn default() -> Self {
-        Self {
-            outer_limit: 1000,
-            inner_fraction: [0.3, 0.03],
-            slow: 15,
-            patience: 100,
-            factor_range: [0.3, 2.0],
-        }
-    }
-}
+/// Outer iterations allowed; the sequence needs 5 to 30 where it converges easily, some hundreds in settled
+/// packings.
+const OUTER_LIMIT: usize = 1000;
+/// A relaxed solve is asked for this fraction of the exact residual: at first, and at the least.
+const INNER_FRACTION: [f64; 2] = [0.3, 0.03];
+/// Outer iterations without a better residual before the fraction is lowered to a third.
+const SLOW: usize = 15;
+/// Outer iterations without a better residual before giving up.
+const PATIENCE: usize = 100;
+/// Least and largest factor of the extrapolation; the largest is 1 as soon as the residual was slow to fall.
+const FACTOR_RANGE: [f64; 2] = [0.3, 2.0];
 
 /// Relaxed problems whose normal velocities are shifted by what exact friction adds, s_i = mu_i |(u_t)_i|
 /// (with what rolling and spinning add where contacts resist turning, [`FrictionModel::Coulomb`]):
@@ -66,7 +49,6 @@ pub fn solve(
     problem: &Ccp,
     impulse: &mut [f64],
     settings: &SolveSettings,
-    parameters: &Parameters,
 ) -> Result<SolveReport, CcpError> {
     let limits = Limits::start(settings, usize::MAX);
     check_start(problem, impulse)?;
@@ -75,23 +57,23 @@ pub fn solve(
     // The relaxed solver must measure with the V of this problem, not of the shifted one. Both share N.
     let mut shifted = Ccp { velocity_scale: Some(scale.velocity), ..problem.clone() };
     let (mut work, mut u) = (problem.delassus.work(), vec![0.0; problem.r.len()]);
-    let mut shift = Shift::new(contacts, parameters.factor_range);
+    let mut shift = Shift::new(contacts);
     let (mut best, mut history) = (Best::default(), History::default());
-    let mut progress = Progress { fraction: parameters.inner_fraction[0], least: f64::INFINITY, since: 0 };
+    let mut progress = Progress { fraction: INNER_FRACTION[0], least: f64::INFINITY, since: 0 };
     let (mut sums, mut newton, mut last_inner) = ([0; 3], Vec::new(), None);
     let mut status = Status::IterationLimit;
-    for outer in 0..=parameters.outer_limit {
+    for outer in 0..=OUTER_LIMIT {
         problem.velocity(impulse, &mut u, &mut work);
         let exact = scale.residual(problem, impulse, &u, FrictionModel::Coulomb);
         history.record(sums[0], limits.seconds(), exact);
         let residual = limits.measured(exact);
         best.offer(impulse, residual);
-        progress.count(residual, parameters, &mut shift);
+        progress.count(residual, &mut shift);
         if let Some(stop) = limits.status(sums[0], residual) {
             status = stop;
             break;
         }
-        if progress.since > parameters.patience {
+        if progress.since > PATIENCE {
             // The relaxed solver's own verdict tells more than "stalled" where it has one.
             status = if last_inner == Some(Status::IterationLimit) {
                 Status::IterationLimit
@@ -135,25 +117,15 @@ pub fn solve(
     Ok(SolveReport { products: sums[2], newton, history: history.into_samples(), ..report })
 }
 
-/// What [`from_below`] is tuned by.
-#[derive(Clone, Debug)]
-pub struct BelowParameters {
-    /// s is raised, once, to this fraction of mu |u_t|: with all of it most contacts would approach in the
-    /// next solve.
-    pub fraction: f64,
-    /// Approach of a contact, over V, that is none.
-    pub approach: f64,
-    /// Relaxed problems at most.
-    pub solves: usize,
-    /// Their tolerance.
-    pub tolerance: f64,
-}
-
-impl Default for BelowParameters {
-    fn default() -> Self {
-        Self { fraction: 0.9, approach: 0.1, solves: 8, tolerance: 1e-3 }
-    }
-}
+/// [`from_below`] raises s, once, to this fraction of mu |u_t|: with all of it most contacts would approach
+/// in the next solve.
+const FRACTION: f64 = 0.9;
+/// Approach of a contact, over V, that is none.
+const APPROACH: f64 = 0.1;
+/// Relaxed problems at most.
+const SOLVES: usize = 8;
+/// Their tolerance.
+const TOLERANCE: f64 = 1e-3;
 
 /// Impulses that let no bodies approach, where exact friction is out of reach: relaxed problems with the
 /// shift held at or below De Saxce's term.
@@ -166,14 +138,14 @@ impl Default for BelowParameters {
 /// s_0 = 0,    s_1 = theta sigma(s_0),    s_(k+1) = min(s_k, theta sigma(s_k)),    theta < 1
 /// ```
 ///
-/// until s_i - sigma_i <= `approach` V at every contact. Where the sequence does not get there, its iterate
+/// until s_i - sigma_i <= `APPROACH` V at every contact. Where the sequence does not get there, its iterate
 /// of least approach is taken, and where that lets bodies approach by more than V, s_0, the relaxation of the
 /// problem. Where not even that is solved the impulses stay as they are; otherwise they count for nothing,
 /// the first solve begins from zero and every other one where the last ended.
 ///
 /// Every problem is convex, and its impulses take energy. The error that is left is in the residual of the
 /// report, whose status tells of the exact problem. `settings.max_iterations` bounds the iterations together.
-/// Cost: one relaxed solve and up to `solves` - 1 from near their solution. `impulse`: three entries per
+/// Cost: one relaxed solve and up to `SOLVES` - 1 from near their solution. `impulse`: three entries per
 /// contact, N s; s, sigma, V: m/s. Source: the relaxed problems are those of Acary et al. 2011; to bound s
 /// from above is ours.
 ///
@@ -184,7 +156,6 @@ pub fn from_below(
     problem: &Ccp,
     impulse: &mut [f64],
     settings: &SolveSettings,
-    parameters: &BelowParameters,
 ) -> Result<SolveReport, CcpError> {
     let limits = Limits::start(settings, usize::MAX);
     let contacts = problem.num_contacts();
@@ -196,9 +167,9 @@ pub fn from_below(
     let (mut work, mut u) = (problem.delassus.work(), vec![0.0; problem.r.len()]);
     let (mut g, mut shift, mut least) = (vec![0.0; problem.r.len()], vec![0.0; contacts], scale.velocity);
     let (mut sums, mut newton) = ([0; 3], Vec::new());
-    for solve in 0..parameters.solves {
+    for solve in 0..SOLVES {
         let inner = SolveSettings {
-            tolerance: parameters.tolerance,
+            tolerance: TOLERANCE,
             max_iterations: Some(
                 limits.iterations_left(sums[0] + solve * of_start).min(relaxed.iteration_limit()),
             ),
@@ -218,7 +189,7 @@ pub fn from_below(
         for (i, shift) in shift.iter_mut().enumerate() {
             let sigma = problem.de_saxce(&u, i);
             approach = approach.max(*shift - sigma);
-            let image = parameters.fraction * sigma;
+            let image = FRACTION * sigma;
             *shift = if solve == 0 { image } else { shift.min(image) };
             shifted.r[3 * i] = problem.r[3 * i] + *shift;
         }
@@ -227,7 +198,7 @@ pub fn from_below(
         }
         if solve > 0 {
             least = approach.min(least);
-            if approach <= parameters.approach * scale.velocity {
+            if approach <= APPROACH * scale.velocity {
                 break;
             }
         }
@@ -248,14 +219,14 @@ struct Progress {
 }
 
 impl Progress {
-    fn count(&mut self, residual: f64, parameters: &Parameters, shift: &mut Shift) {
+    fn count(&mut self, residual: f64, shift: &mut Shift) {
         self.since += 1;
         if residual < 0.9 * self.least {
             self.since = 0;
         }
         self.least = residual.min(self.least);
-        if self.since > 0 && self.since.is_multiple_of(parameters.slow) {
-            self.fraction = (self.fraction / 3.0).max(parameters.inner_fraction[1]);
+        if self.since > 0 && self.since.is_multiple_of(SLOW) {
+            self.fraction = (self.fraction / 3.0).max(INNER_FRACTION[1]);
             shift.factor_range[1] = 1.0;
         }
     }
@@ -272,10 +243,10 @@ struct Shift {
 }
 
 impl Shift {
-    fn new(contacts: usize, factor_range: [f64; 2]) -> Self {
+    fn new(contacts: usize) -> Self {
         let zeros = || vec![0.0; contacts];
         let changes = [zeros(), zeros()];
-        Self { value: zeros(), changes, updates: 0, factor: 1.0, factor_range }
+        Self { value: zeros(), changes, updates: 0, factor: 1.0, factor_range: FACTOR_RANGE }
     }
 
     /// s <- max(0, s + factor (image - s)), the factor after Aitken from the last two changes, within its

@@ -2,10 +2,10 @@
 
 use super::accelerated_sweeps::AcceleratedSweeps;
 use super::apgd::Apgd;
-use super::cascade::{FinishParameters, RaceParameters};
-use super::first_order;
+use super::cascade::{ABOVE, GRADIENTS_FIRST, LONGEST, TURN};
+use super::first_order::NEAR;
 use super::momentum::Memory;
-use super::single;
+use super::single::{self, FEWEST_CONTACTS, LEAST_MAXIMUM, LEAST_TOLERANCE};
 use super::start::SAMPLE;
 use crate::residual::MIXED_MAXIMUM;
 use graintrain_testdata::pages::{check, count};
@@ -17,29 +17,24 @@ fn memory(memory: &Memory) -> String {
 
 #[test]
 fn the_page_on_solvers_has_their_constants() {
-    let single = single::Parameters::default();
-    let own = first_order::Parameters::default();
-    let RaceParameters { turn: (share, [least, most]), gradients_first: [many, fewer], longest, .. } =
-        RaceParameters::default();
-    assert_eq!((share, single.rounding, single.patience), (1.0 / 12.0, 8.0, 1000));
+    let ((share, [least, most]), [many, fewer]) = (TURN, GRADIENTS_FIRST);
+    assert_eq!((share, single::ROUNDING, single::PATIENCE), (1.0 / 12.0, 8.0, 1000));
     check(
         "solvers.md",
         &[
             format!("residual <= {MIXED_MAXIMUM} tolerance"),
             format!(
-                "at least {} contacts, and a tolerance of at least {:e} ({:e} for the worst contact)",
-                single.fewest_contacts, single.least_tolerance, single.least_maximum
+                "at least {FEWEST_CONTACTS} contacts, and a tolerance of at least {LEAST_TOLERANCE:e} ({LEAST_MAXIMUM:e} for the worst contact)"
             ),
             format!(
-                "the residual of {SAMPLE} of them is evaluated first; if it is at most {} times the tolerance",
-                own.near
+                "the residual of {SAMPLE} of them is evaluated first; if it is at most {NEAR} times the tolerance"
             ),
             format!("{} for `apgd`", memory(&Apgd::default().memory)),
             format!("{} for `apgs`", memory(&AcceleratedSweeps::default().memory)),
             format!("a twelfth of the available iterations, {least} to {}", count(most)),
             format!("from {} contacts on ({} without single precision)", count(many), count(fewer)),
-            format!("until none gains in a turn of {}", count(longest)),
-            format!("above a residual of {}", FinishParameters::default().above),
+            format!("until none gains in a turn of {}", count(LONGEST)),
+            format!("above a residual of {ABOVE}"),
         ],
     );
 }

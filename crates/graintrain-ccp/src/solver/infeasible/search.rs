@@ -16,7 +16,7 @@
 
 use super::super::driver::Limits;
 use super::super::ipm::iterate::Work;
-use super::super::ipm::mehrotra::{self, Correctors};
+use super::super::ipm::mehrotra;
 use super::super::ipm::scaled::Scaled;
 use super::apart::places;
 use super::certificate::{CERTAIN, Certificate, Evaluator, PROBABLE};
@@ -30,42 +30,21 @@ use graintrain_linalg::parallel::dot;
 /// (r^T g)^2 / (g^T N g) relative to |r|^2 (scaled) that makes a search worth its while.
 const SUSPICIOUS: f64 = 1e9;
 
-/// What the search is tuned by.
-#[derive(Clone, Debug)]
-pub(crate) struct Parameters {
-    /// theta. The smaller, the more N g = 0 weighs against a^T g = -1, and the larger g gets.
-    pub weight: f64,
-    /// Barrier of the start.
-    pub barrier: f64,
-    /// Newton systems allowed.
-    pub systems: usize,
-    /// Newton systems allowed without doubling the V found once that is large.
-    pub patience: usize,
-    /// Where the minimum is known to this fraction of itself it is not zero; small, for the sake of the
-    /// solution that comes of it.
-    pub positive: f64,
-    /// Proximal term relative to eta: rays get far larger than solutions, and 1e-9 would hold them back.
-    pub proximal: f64,
-    /// Relative residual of the linear solves.
-    pub linear: f64,
-    /// Gondzio's correctors.
-    pub correctors: Correctors,
-}
-
-impl Default for Parameters {
-    fn default() -> Self {
-        Self {
-            weight: 0.1,
-            barrier: 10.0,
-            systems: 80,
-            patience: 10,
-            positive: 1e-12,
-            proximal: 1e-13,
-            linear: 1e-12,
-            correctors: Correctors::default(),
-        }
-    }
-}
+/// theta. The smaller, the more N g = 0 weighs against a^T g = -1, and the larger g gets.
+const WEIGHT: f64 = 0.1;
+/// Barrier of the start.
+const BARRIER: f64 = 10.0;
+/// Newton systems allowed.
+const SYSTEMS: usize = 80;
+/// Newton systems allowed without doubling the V found once that is large.
+const PATIENCE: usize = 10;
+/// Where the minimum is known to this fraction of itself it is not zero; small, for the sake of the solution
+/// that comes of it.
+const POSITIVE: f64 = 1e-12;
+/// Proximal term relative to eta: rays get far larger than solutions, and 1e-9 would hold them back.
+const PROXIMAL: f64 = 1e-13;
+/// Relative residual of the linear solves.
+const LINEAR: f64 = 1e-12;
 
 /// Whether impulses of a scaled problem look like those of a problem without a solution: (r^T g)^2 / (g^T N
 /// g) has grown out of proportion to |r|^2. The optimal value is at most minus half of it. Given r^T g, g^T N
@@ -85,20 +64,19 @@ pub(crate) fn search(
     limits: &Limits<'_>,
     iterations: &mut usize,
 ) -> Certificate {
-    let parameters = Parameters::default();
     let inner = &scaled.problem;
-    let a: Vec<f64> = inner.r.iter().map(|r| parameters.weight * r).collect();
+    let a: Vec<f64> = inner.r.iter().map(|r| WEIGHT * r).collect();
     let mut evaluator = Evaluator::new(problem);
     // Nothing of r_d counts as noise: the smallest part of N g matters.
     let mut work = Work::new(inner, 0.0);
-    (work.proximal, work.noise) = (parameters.proximal, 0.0);
-    work.start(inner, &a, parameters.barrier);
-    let mut rank_one = RankOne::new(inner, parameters.linear);
+    (work.proximal, work.noise) = (PROXIMAL, 0.0);
+    work.start(inner, &a, BARRIER);
+    let mut rank_one = RankOne::new(inner);
     let places = places(problem);
     let mut physical = vec![0.0; places.len()];
     let mut best = Certificate { ray: physical.clone(), ..Certificate::default() };
     let (mut reference, mut since_better) = (0.0, 0);
-    for _ in 0..parameters.systems {
+    for _ in 0..SYSTEMS {
         work.impulses_from_pairs();
         work.multiply(inner);
         let along = dot(&a, &work.g);
@@ -122,8 +100,8 @@ pub(crate) fn search(
         let gap = work.barrier() * inner.num_contacts() as f64;
         let defect: f64 = work.residual_dual.iter().zip(&work.g).map(|(d, g)| (d * g).abs()).sum();
         if best.needed_velocity >= CERTAIN
-            || (best.needed_velocity >= PROBABLE && since_better > parameters.patience)
-            || gap + defect <= parameters.positive * tau
+            || (best.needed_velocity >= PROBABLE && since_better > PATIENCE)
+            || gap + defect <= POSITIVE * tau
             || limits.status(*iterations, f64::MAX).is_some()
         {
             break;
@@ -134,9 +112,7 @@ pub(crate) fn search(
             break;
         }
         rank_one.refresh(newton, inner, blocks, &a);
-        let alpha = mehrotra::step(&mut work, parameters.correctors, |blocks, b, z| {
-            rank_one.solve(newton, inner, blocks, b, z)
-        });
+        let alpha = mehrotra::step(&mut work, |blocks, b, z| rank_one.solve(newton, inner, blocks, b, z));
         newton.end_iteration(alpha);
         *iterations += 1;
         if !alpha.is_finite() || alpha < 1e-10 {
@@ -146,7 +122,7 @@ pub(crate) fn search(
     let tau = 1.0 + dot(&a, &work.g);
     // Taken apart, a problem keeps its rays alone.
     let solved = tau > 0.0 && problem.turning.is_empty();
-    best.solution = solved.then(|| physical.iter().map(|g| g / (parameters.weight * tau)).collect());
+    best.solution = solved.then(|| physical.iter().map(|g| g / (WEIGHT * tau)).collect());
     best
 }
 
@@ -155,8 +131,6 @@ struct RankOne {
     c: Vec<f64>,
     w: Vec<f64>,
     weight: f64,
-    /// Relative residual of the linear solves.
-    linear: f64,
     defect: Vec<f64>,
     correction: Vec<f64>,
     product: DelassusWork,
@@ -164,13 +138,12 @@ struct RankOne {
 }
 
 impl RankOne {
-    fn new(inner: &Ccp, linear: f64) -> Self {
+    fn new(inner: &Ccp) -> Self {
         let zeros = vec![0.0; 3 * inner.num_contacts()];
         Self {
             c: zeros.clone(),
             w: zeros.clone(),
             weight: 0.0,
-            linear,
             defect: zeros.clone(),
             correction: zeros.clone(),
             product: inner.delassus.work(),
@@ -182,7 +155,7 @@ impl RankOne {
     fn refresh(&mut self, newton: &mut NewtonDriver, inner: &Ccp, blocks: ScaledBlocks<'_>, a: &[f64]) {
         self.c.copy_from_slice(a);
         apply_blocks_in_place(blocks.factor, &mut self.c, true);
-        newton.solve(inner, blocks, &self.c, &mut self.w, self.linear);
+        newton.solve(inner, blocks, &self.c, &mut self.w, LINEAR);
         self.weight = 1.0 / (1.0 + dot(&self.c, &self.w));
     }
 
@@ -194,9 +167,9 @@ impl RankOne {
         b: &[f64],
         z: &mut [f64],
     ) {
-        let Self { c, w, weight, linear, defect, correction, product, scratch } = self;
+        let Self { c, w, weight, defect, correction, product, scratch } = self;
         let mut solve = |b: &[f64], z: &mut [f64]| {
-            newton.solve(inner, blocks, b, z, *linear);
+            newton.solve(inner, blocks, b, z, LINEAR);
             let along = *weight * dot(c, z);
             for (z, w) in z.iter_mut().zip(&*w) {
                 *z -= along * w;

@@ -5,28 +5,14 @@ use super::iterate::Work;
 use crate::newton::system::ScaledBlocks;
 use graintrain_linalg::real;
 
-/// Gondzio's correctors.
-#[derive(Clone, Copy, Debug)]
-pub struct Correctors {
-    /// Gondzio correctors tried per step.
-    pub tried: usize,
-    /// Complementarity products are pulled into this range around their target.
-    pub products: [f64; 2],
-}
-
-impl Default for Correctors {
-    fn default() -> Self {
-        Self { tried: 2, products: [0.1, 10.0] }
-    }
-}
+/// Gondzio's correctors tried per step.
+const CORRECTORS: usize = 2;
+/// Complementarity products are pulled into this range around their target.
+const PRODUCTS: [f64; 2] = [0.1, 10.0];
 
 /// Makes the step from scalings, blocks and dual residual of `work` and returns its length. `solve` solves
 /// (I + F^T N F) z = b, given F, b and in z the last solution; it is called two to four times.
-pub(crate) fn step(
-    work: &mut Work,
-    correctors: Correctors,
-    mut solve: impl FnMut(ScaledBlocks<'_>, &[f64], &mut [f64]),
-) -> f64 {
+pub(crate) fn step(work: &mut Work, mut solve: impl FnMut(ScaledBlocks<'_>, &[f64], &mut [f64])) -> f64 {
     let contacts = work.contacts();
     let barrier = work.barrier();
     work.affine_right_hand_side();
@@ -47,20 +33,15 @@ pub(crate) fn step(
     let mut step = work.longest_step();
 
     // Gondzio's correctors: pull outlying complementarity products of a longer step back.
-    for _ in 0..correctors.tried {
+    for _ in 0..CORRECTORS {
         if step >= 1.0 {
             break;
         }
         let aim = (1.5 * step + 0.1).min(1.0);
         for i in 0..contacts {
             let (dx, ds) = (work.scaled_dx[i], work.scaled_ds[i]);
-            let correction = outlying(
-                work.scalings[i].lambda(),
-                aim,
-                dx,
-                ds,
-                correctors.products.map(|factor| factor * target),
-            );
+            let correction =
+                outlying(work.scalings[i].lambda(), aim, dx, ds, PRODUCTS.map(|factor| factor * target));
             trial[i] = std::array::from_fn(|k| complementarity[i][k] + correction[k]);
         }
         work.save_direction();

@@ -35,7 +35,7 @@
 //! **Infeasible problems.** Where the bodies are jammed, impulses exist that change no velocity and yet are
 //! asked for: N g = 0, r^T g < 0, and the objective has no lower bound. Where impulses grow out of
 //! proportion, or nothing helps, such impulses are searched for ([`infeasible`](super::infeasible)). The
-//! answer returned is that of N + `self.parameters.compliance` diag(eta), a little give in every contact,
+//! answer returned is that of N + 1e-6 diag(eta), a little give in every contact,
 //! with [`Status::Infeasible`].
 
 pub(crate) mod cone;
@@ -43,7 +43,6 @@ pub(crate) mod context;
 pub(crate) mod iterate;
 pub(crate) mod mehrotra;
 pub(crate) mod pair;
-mod parameters;
 mod path;
 mod proximal;
 pub(crate) mod scaled;
@@ -60,10 +59,20 @@ use crate::newton::{Form, NewtonSolver};
 use crate::problem::{Ccp, CcpError};
 use crate::residual::ResidualScale;
 use context::SolveContext;
-pub use mehrotra::Correctors;
-pub use parameters::Parameters;
-
 use scaled::{Scaled, ScaledMatrix};
+
+/// Newton systems allowed where the settings name no limit.
+const ITERATIONS: usize = 300;
+/// Compliance relative to eta that makes an infeasible problem solvable.
+const COMPLIANCE: f64 = 1e-6;
+/// Residual that the start is asked for.
+const START_TOLERANCE: f64 = 1e-6;
+/// Iterations of the start beside one per contact.
+const START_ITERATIONS: usize = 500;
+/// One Cholesky factorisation of a settled packing takes as long as so many of these per contact.
+const SYSTEM_ITERATIONS: f64 = 0.07;
+/// Newton systems without which it is not worth a start.
+const LEAST_ITERATIONS: usize = 10;
 
 /// The solver.
 pub struct Ipm {
@@ -71,8 +80,6 @@ pub struct Ipm {
     start: Option<Box<dyn CcpSolver>>,
     /// The scaled N of the last problem.
     scaled: Option<ScaledMatrix>,
-    /// The tuned constants.
-    pub parameters: Parameters,
 }
 
 impl Ipm {
@@ -84,39 +91,38 @@ impl Ipm {
 
     /// The interior point with a linear solver of one's own, without a start: `ipm+LINEAR`.
     pub fn with_solver(linear: Box<dyn NewtonSolver>) -> Self {
-        let newton = NewtonDriver::new(linear);
-        Self { newton, start: None, scaled: None, parameters: Parameters::default() }
+        Self { newton: NewtonDriver::new(linear), start: None, scaled: None }
     }
 
     /// The phases after the start, whose impulses are `started`; `given` are those handed over by the caller.
     fn phases(&mut self, context: &mut SolveContext<'_>, started: &[f64], given: &mut [f64]) -> Status {
         if self.start.is_some() {
-            let status = proximal::run(&mut self.newton, context, &self.parameters, started);
+            let status = proximal::run(&mut self.newton, context, started);
             if status != Status::Stalled {
                 return status;
             }
         }
-        let mut status = path::run(&mut self.newton, context, &self.parameters, given, 0.0);
+        let mut status = path::run(&mut self.newton, context, given, 0.0);
         // Blocks of Newton's method on the projection are singular: it has no plain form.
         if status == Status::Stalled && self.newton.form() == Form::Scaled {
             context.best(given);
-            status = proximal::run(&mut self.newton, context, &self.parameters, given);
+            status = proximal::run(&mut self.newton, context, given);
         }
         status = context.verdict(&mut self.newton, status);
         if status == Status::Stalled
             && let Some(solution) = context.take_solution()
         {
             if self.newton.form() == Form::Scaled {
-                status = proximal::run(&mut self.newton, context, &self.parameters, &solution);
+                status = proximal::run(&mut self.newton, context, &solution);
             }
             if status == Status::Stalled {
-                status = path::run(&mut self.newton, context, &self.parameters, &solution, 0.0);
+                status = path::run(&mut self.newton, context, &solution, 0.0);
             }
         }
         if status == Status::Infeasible {
             context.forget();
             given.fill(0.0);
-            path::run(&mut self.newton, context, &self.parameters, given, self.parameters.compliance);
+            path::run(&mut self.newton, context, given, COMPLIANCE);
         }
         status
     }
@@ -137,14 +143,14 @@ impl CcpSolver for Ipm {
     }
 
     fn iteration_limit(&self) -> usize {
-        self.parameters.iterations
+        ITERATIONS
     }
 
     fn cost(&mut self, problem: &Ccp) -> Cost {
         let contacts = problem.num_contacts();
-        let start = self.parameters.start_iterations + contacts;
-        let iteration = 1.0 + self.parameters.system_iterations * contacts as f64;
-        Cost { start: start as f64, iteration, least: self.parameters.least_iterations }
+        let start = START_ITERATIONS + contacts;
+        let iteration = 1.0 + SYSTEM_ITERATIONS * contacts as f64;
+        Cost { start: start as f64, iteration, least: LEAST_ITERATIONS }
     }
 
     fn solve(
@@ -154,7 +160,7 @@ impl CcpSolver for Ipm {
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
         problem.require_sliding_alone(&self.name())?;
-        let limits = Limits::start(settings, self.parameters.iterations);
+        let limits = Limits::start(settings, ITERATIONS);
         check_start(problem, impulse)?;
         if problem.num_contacts() == 0 {
             return Ok(limits.report(&self.name(), problem, impulse, Status::Converged, 0, 0));
@@ -164,8 +170,8 @@ impl CcpSolver for Ipm {
         let mut started = None;
         if let Some(start) = &mut self.start {
             let settings = SolveSettings {
-                tolerance: settings.tolerance.max(self.parameters.start_tolerance),
-                max_iterations: Some(self.parameters.start_iterations + problem.num_contacts()),
+                tolerance: settings.tolerance.max(START_TOLERANCE),
+                max_iterations: Some(START_ITERATIONS + problem.num_contacts()),
                 max_time: limits.time_left(),
                 ..settings.clone()
             };

@@ -5,14 +5,19 @@ use super::super::report::Status;
 use super::context::SolveContext;
 use super::iterate::Work;
 use super::mehrotra;
-use super::parameters::Parameters;
 use crate::newton::driver::NewtonDriver;
+
+/// Iterations without a better residual before giving up.
+const PATIENCE: usize = 15;
+/// Barrier of a cold start: impulses in force chains are a few times larger than those of single contacts.
+const COLD_BARRIER: f64 = 1e3;
+/// Bounds of the barrier of a warm start.
+const WARM_BARRIER: [f64; 2] = [1e-4, 1.0];
 
 /// Runs on the scaled problem with some compliance added to N, from `impulse` (of the problem as given).
 pub(super) fn run(
     newton: &mut NewtonDriver,
     context: &mut SolveContext<'_>,
-    parameters: &Parameters,
     impulse: &[f64],
     compliance: f64,
 ) -> Status {
@@ -27,14 +32,10 @@ pub(super) fn run(
     }
     let warm = impulse.iter().any(|&g| g != 0.0);
     let distance = work.distance(inner, &inner.r);
-    let barrier = if warm {
-        distance.clamp(parameters.warm_barrier[0], parameters.warm_barrier[1])
-    } else {
-        parameters.cold_barrier
-    };
+    let barrier = if warm { distance.clamp(WARM_BARRIER[0], WARM_BARRIER[1]) } else { COLD_BARRIER };
     work.start(inner, &inner.r, barrier);
 
-    let mut progress = Progress::new(parameters.path_patience);
+    let mut progress = Progress::new(PATIENCE);
     loop {
         work.impulses_from_pairs();
         work.multiply(inner);
@@ -55,7 +56,7 @@ pub(super) fn run(
         }
         // Errors of the linear solves must stay below the residual reached, more so near the end.
         let tolerance = (1e-3 * residual).clamp(1e-13, 1e-6);
-        let alpha = mehrotra::step(&mut work, parameters.correctors, |blocks, b, z| {
+        let alpha = mehrotra::step(&mut work, |blocks, b, z| {
             newton.solve(inner, blocks, b, z, tolerance);
         });
         newton.end_iteration(alpha);

@@ -33,7 +33,6 @@
 
 use super::super::report::Status;
 use super::context::SolveContext;
-use super::parameters::Parameters;
 use crate::delassus::DelassusWork;
 use crate::newton::driver::NewtonDriver;
 use crate::newton::system::ScaledBlocks;
@@ -41,6 +40,33 @@ use crate::newton::system::{apply_blocks, apply_blocks_in_place};
 use crate::problem::Ccp;
 use graintrain_linalg::block3::Block;
 use graintrain_linalg::real;
+
+/// sigma times the natural map: how far, in units of impulse, an error of the velocities may move the
+/// argument of P.
+const REACH: f64 = 10.0;
+/// Range of sigma, in units of the scaled problem (trace N_ii = 3).
+const SIGMA_RANGE: [f64; 2] = [1.0, 1e9];
+/// Growth of sigma from one anchor to the next: at least, where the minimum was found in few systems, and at
+/// most.
+const SIGMA_GROWTH: [f64; 2] = [10.0, 100.0];
+/// So many systems are few.
+const EASY_SYSTEMS: usize = 3;
+/// Factor on sigma where Newton's method does not find the minimum quickly.
+const SIGMA_RETREAT: f64 = 0.03;
+/// Newton systems allowed per anchor.
+const SYSTEMS_PER_ANCHOR: usize = 6;
+/// A step shorter than this tells that sigma is too large.
+const SHORT_STEP: f64 = 0.05;
+/// The anchor moves when the error of the minimum is this fraction of what sigma leaves.
+const ANCHOR_ERROR: f64 = 0.3;
+/// Newton systems allowed for a tenth of the residual.
+const STALL_SYSTEMS: usize = 10;
+/// Relative residual of the linear solves.
+const LINEAR_TOLERANCE: f64 = 1e-10;
+/// A line search ends where the slope along the direction has fallen to this fraction.
+const LINE_SEARCH_SLOPE: f64 = 0.5;
+/// Evaluations of a line search.
+const LINE_SEARCH_TRIALS: usize = 30;
 
 /// V^(1/2) of the projection on the cone at z, times `root`; zero outside.
 fn projection_root(mu: f64, z: [f64; 3], root: f64) -> Block {
@@ -180,7 +206,6 @@ impl Vectors {
         newton: &mut NewtonDriver,
         context: &SolveContext<'_>,
         residual: f64,
-        parameters: &Parameters,
         work: &mut DelassusWork,
     ) -> bool {
         let inner = &context.scaled.problem;
@@ -190,7 +215,7 @@ impl Vectors {
         }
         self.rhs.copy_from_slice(&self.ngap);
         apply_blocks_in_place(&self.factor, &mut self.rhs, true);
-        newton.solve(inner, blocks, &self.rhs, &mut self.z, parameters.linear_tolerance);
+        newton.solve(inner, blocks, &self.rhs, &mut self.z, LINEAR_TOLERANCE);
         apply_blocks(&self.factor, &self.z, &mut self.direction, false);
         for (direction, gap) in self.direction.iter_mut().zip(&self.gap) {
             *direction -= gap;
@@ -200,16 +225,16 @@ impl Vectors {
     }
 
     /// Step along the direction: 1 where the slope there is not steeply upwards, else near the minimum.
-    fn step(&self, problem: &Ccp, sigma: f64, parameters: &Parameters) -> f64 {
+    fn step(&self, problem: &Ccp, sigma: f64) -> f64 {
         let start = self.slope(problem, sigma, 0.0);
-        let bound = parameters.line_search_slope * start.abs();
+        let bound = LINE_SEARCH_SLOPE * start.abs();
         let (mut low, mut slope_low) = (0.0, start);
         let (mut high, mut slope_high) = (1.0, self.slope(problem, sigma, 1.0));
         if start >= 0.0 || slope_high <= bound {
             return 1.0;
         }
         // The slope grows monotonically: regula falsi, with the Illinois rule.
-        for _ in 0..parameters.line_search_trials {
+        for _ in 0..LINE_SEARCH_TRIALS {
             let middle = low + (high - low) * slope_low / (slope_low - slope_high);
             let slope = self.slope(problem, sigma, middle);
             if slope.abs() <= bound {
@@ -227,12 +252,7 @@ impl Vectors {
 
 /// Runs the method from `impulse` until the tolerance or a limit is reached, or it does not get on
 /// ([`Status::Stalled`]). The best iterate is left with the context.
-pub(super) fn run(
-    newton: &mut NewtonDriver,
-    context: &mut SolveContext<'_>,
-    parameters: &Parameters,
-    impulse: &[f64],
-) -> Status {
+pub(super) fn run(newton: &mut NewtonDriver, context: &mut SolveContext<'_>, impulse: &[f64]) -> Status {
     let inner = &context.scaled.problem;
     let contacts = inner.num_contacts();
     let mut work: DelassusWork = inner.delassus.work();
@@ -241,8 +261,7 @@ pub(super) fn run(
     v.begin(inner, &mut work);
     let mut residual = context.measure(&v.h, &v.nh);
     let mut best = v.h.clone();
-    let mut sigma = (parameters.reach / natural_map(inner, &v.h, &v.nh))
-        .clamp(parameters.sigma_range[0], parameters.sigma_range[1]);
+    let mut sigma = (REACH / natural_map(inner, &v.h, &v.nh)).clamp(SIGMA_RANGE[0], SIGMA_RANGE[1]);
     let (mut systems, mut since_better, mut reference) = (0, 0, f64::INFINITY);
     loop {
         if let Some(status) = context.status(residual) {
@@ -268,33 +287,25 @@ pub(super) fn run(
         if residual <= 0.1 * reference {
             (reference, since_better) = (residual, 0);
         }
-        if since_better >= parameters.stall_systems {
+        if since_better >= STALL_SYSTEMS {
             return Status::Stalled;
         }
         if systems > 0 {
             let left = v.distance(candidate) / sigma;
             let defect = natural_map(inner, candidate, ncandidate);
             // The second test is for rounding errors of u, which T has times sigma.
-            if largest(&v.ngap) <= parameters.anchor_error * left
-                || defect <= (1.0 + parameters.anchor_error) * left
-            {
+            if largest(&v.ngap) <= ANCHOR_ERROR * left || defect <= (1.0 + ANCHOR_ERROR) * left {
                 v.anchor.copy_from_slice(candidate);
                 v.begin(inner, &mut work);
-                let least = if systems <= parameters.easy_systems {
-                    parameters.sigma_growth[0] * sigma
-                } else {
-                    sigma
-                };
-                sigma = (parameters.reach / defect)
-                    .clamp(least, parameters.sigma_growth[1] * sigma)
-                    .min(parameters.sigma_range[1]);
+                let least = if systems <= EASY_SYSTEMS { SIGMA_GROWTH[0] * sigma } else { sigma };
+                sigma = (REACH / defect).clamp(least, SIGMA_GROWTH[1] * sigma).min(SIGMA_RANGE[1]);
                 systems = 0;
                 continue;
             }
         }
-        if systems == parameters.systems_per_anchor {
-            sigma *= parameters.sigma_retreat;
-            if sigma < parameters.sigma_range[0] {
+        if systems == SYSTEMS_PER_ANCHOR {
+            sigma *= SIGMA_RETREAT;
+            if sigma < SIGMA_RANGE[0] {
                 return Status::Stalled;
             }
             v.anchor.copy_from_slice(&best);
@@ -302,13 +313,13 @@ pub(super) fn run(
             systems = 0;
             continue;
         }
-        if !v.newton_direction(newton, context, residual, parameters, &mut work) {
+        if !v.newton_direction(newton, context, residual, &mut work) {
             return Status::Stalled;
         }
-        let alpha = v.step(inner, sigma, parameters);
+        let alpha = v.step(inner, sigma);
         newton.end_iteration(alpha);
         context.iterations += 1;
-        systems = if alpha < parameters.short_step { parameters.systems_per_anchor } else { systems + 1 };
+        systems = if alpha < SHORT_STEP { SYSTEMS_PER_ANCHOR } else { systems + 1 };
         since_better += 1;
         for (h, direction) in v.h.iter_mut().zip(&v.direction) {
             *h += alpha * direction;

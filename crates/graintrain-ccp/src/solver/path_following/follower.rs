@@ -2,7 +2,6 @@
 
 use super::jacobian::Jacobian;
 use super::smoothing::{Point, SmoothedProblem};
-use super::{Parameters, Walk};
 use crate::delassus::DelassusWork;
 use crate::newton::NewtonRecord;
 use crate::problem::Ccp;
@@ -11,6 +10,69 @@ use crate::solver::driver::{Best, Limits};
 use crate::solver::history::History;
 use crate::solver::report::Status;
 use graintrain_linalg::real;
+
+/// How one walk goes about it.
+#[derive(Clone, Copy, Debug)]
+struct Walk {
+    /// rms |G| / V over tau up to which a place counts as near the path.
+    near: f64,
+    /// kappa: delta_i of |y_t|_delta relative to eta_i tau_i.
+    rounding: f64,
+    /// Factorisations allowed.
+    systems: usize,
+}
+
+const fn walk(near: f64, rounding: f64, systems: usize) -> Walk {
+    Walk { near, rounding, systems }
+}
+
+/// Walks from `FIRST_TAU` down, one after the other until one of them converges.
+const WALKS: [Walk; 6] = [
+    walk(1.0, 1e-2, 200),
+    walk(3.0, 1e-2, 200),
+    walk(0.3, 3e-2, 400),
+    walk(0.3, 1e-2, 400),
+    walk(0.3, 1.0, 400),
+    walk(3.0, 0.3, 400),
+];
+/// tau of the start, in units of V / eta_i.
+const FIRST_TAU: f64 = 1e3;
+/// Walks from the best impulses so far, at `WARM_TAU` times their residual, tried in turn.
+const WARM_WALKS: [Walk; 3] = [walk(1.0, 1e-2, 60), walk(3.0, 1e-1, 60), walk(0.3, 1e-2, 100)];
+/// See `WARM_WALKS`.
+const WARM_TAU: f64 = 3.0;
+/// Impulses of at most this residual are worth a warm walk.
+const WARM_RESIDUAL: f64 = 1e-2;
+/// Rounds of warm walks go on while the residual falls to this fraction.
+const WARM_GAIN: f64 = 0.5;
+/// First factor of tau per step, and the least.
+const REDUCTION: [f64; 2] = [0.3, 1e-4];
+/// rms |G| / V over tau up to which the arclength takes a place for one on the path.
+const CENTRED: f64 = 1e-2;
+/// Steps in a row without a fall of tau that end a descent.
+const HARD: usize = 30;
+/// Steps without a tenth off the least residual that end a descent below `LEAST_TAU`.
+const PATIENCE: usize = 10;
+/// tau over tolerance below which nothing is to be gained.
+const LEAST_TAU: f64 = 1e-4;
+/// Places near the path that are remembered.
+const ANCHORS: usize = 10;
+/// Newton steps of a correction.
+const CORRECTIONS: usize = 12;
+/// Growth of |G| that ends a correction.
+const GROWTH: f64 = 2.0;
+/// Change of w, relative to the size of x, that counts as much as a change of ln tau by 1.
+const SPREAD: f64 = 0.3;
+/// First, largest and least step of the arclength.
+const STEP: [f64; 3] = [0.5, 4.0, 1e-6];
+/// d ln tau / ds below minus this is free fall; so many steps of it end the arclength.
+const FREE: (f64, usize) = (0.5, 3);
+
+/// Factorisations of all walks together, where each round of warm walks is made once.
+pub(super) fn systems() -> usize {
+    let sum = |walks: &[Walk]| walks.iter().map(|walk| walk.systems).sum::<usize>();
+    sum(&WALKS) + (1 + WALKS.len()) * sum(&WARM_WALKS)
+}
 
 /// How a part of the walk ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,7 +139,6 @@ pub(super) struct Follower<'a> {
     problem: &'a Ccp,
     scale: &'a ResidualScale,
     limits: &'a Limits<'a>,
-    parameters: &'a Parameters,
     model: FrictionModel,
     smoothed: SmoothedProblem<'a>,
     jacobian: &'a mut Jacobian,
@@ -102,7 +163,6 @@ impl<'a> Follower<'a> {
         problem: &'a Ccp,
         scale: &'a ResidualScale,
         limits: &'a Limits<'a>,
-        parameters: &'a Parameters,
         model: FrictionModel,
         smoothed: SmoothedProblem<'a>,
         jacobian: &'a mut Jacobian,
@@ -112,7 +172,6 @@ impl<'a> Follower<'a> {
             problem,
             scale,
             limits,
-            parameters,
             model,
             smoothed,
             jacobian,
@@ -120,7 +179,7 @@ impl<'a> Follower<'a> {
             point: Point::default(),
             anchors: Vec::new(),
             first_sign: None,
-            walk: Walk { near: 1.0, rounding: 0.0, systems: 0 },
+            walk: walk(1.0, 0.0, 0),
             last_system: 0,
             best: Best::default(),
             story: Story::default(),
@@ -145,8 +204,8 @@ impl<'a> Follower<'a> {
             return status;
         }
         let cold = vec![0.0; g.len()];
-        for walk in &self.parameters.walks {
-            self.begin(&cold, self.parameters.first_tau, *walk);
+        for walk in WALKS {
+            self.begin(&cold, FIRST_TAU, walk);
             if let Some(status) = self.walk() {
                 return status;
             }
@@ -159,21 +218,20 @@ impl<'a> Follower<'a> {
 
     /// Warm walks from the best impulses, as long as they gain.
     fn refine(&mut self) -> Option<Status> {
-        let p = self.parameters;
         let mut g = vec![0.0; self.impulse.len()];
         loop {
             let before = self.best.residual();
-            if before.is_nan() || before > p.warm_residual {
+            if before.is_nan() || before > WARM_RESIDUAL {
                 return None;
             }
-            for walk in &p.warm_walks {
+            for walk in WARM_WALKS {
                 self.best.restore(&mut g);
-                self.begin(&g, p.warm_tau * self.best.residual(), *walk);
+                self.begin(&g, WARM_TAU * self.best.residual(), walk);
                 if let Some(status) = self.walk() {
                     return Some(status);
                 }
             }
-            if self.best.residual() > p.warm_gain * before {
+            if self.best.residual() > WARM_GAIN * before {
                 return None;
             }
         }
@@ -287,8 +345,7 @@ impl<'a> Follower<'a> {
     /// Newton steps that lower tau as far as they stay near the path: the largest of three reductions after
     /// which G is still small, else a damped step at this tau, else back up.
     fn descend(&mut self) -> Leg {
-        let p = self.parameters;
-        let [mut reduction, least_reduction] = p.reduction;
+        let [mut reduction, least_reduction] = REDUCTION;
         let mut hard = 0;
         let (mut least, mut since_better) = (f64::INFINITY, 0);
         let place = self.place.clone();
@@ -306,7 +363,7 @@ impl<'a> Follower<'a> {
             self.first_sign.get_or_insert(directions.sign);
             if size <= self.walk.near * tau {
                 self.anchors.push(place);
-                if self.anchors.len() > p.anchors {
+                if self.anchors.len() > ANCHORS {
                     self.anchors.remove(0);
                 }
             }
@@ -332,10 +389,10 @@ impl<'a> Follower<'a> {
                 (least, since_better) = (self.best.residual(), 0);
             }
             let tau = real::exp(self.place.log_tau);
-            if hard >= p.hard {
-                return if tau < p.least_tau * self.limits.tolerance() { Leg::Stuck } else { Leg::Blocked };
+            if hard >= HARD {
+                return if tau < LEAST_TAU * self.limits.tolerance() { Leg::Stuck } else { Leg::Blocked };
             }
-            if since_better > p.patience && tau < p.least_tau * self.limits.tolerance() {
+            if since_better > PATIENCE && tau < LEAST_TAU * self.limits.tolerance() {
                 return Leg::Stuck;
             }
         }
@@ -375,10 +432,10 @@ impl<'a> Follower<'a> {
 
     /// Newton's method at fixed tau.
     fn correct(&mut self, place: &mut Place) -> bool {
-        for _ in 0..self.parameters.corrections {
+        for _ in 0..CORRECTIONS {
             let tau = real::exp(place.log_tau);
             let size = self.evaluate(place);
-            if size <= self.parameters.centred * tau {
+            if size <= CENTRED * tau {
                 return true;
             }
             let Some(directions) = self.directions(place) else { return false };
@@ -412,8 +469,7 @@ impl<'a> Follower<'a> {
             }
         }
         let Some(mut place) = found else { return Leg::Stuck };
-        let p = self.parameters;
-        let [mut step, largest_step, least_step] = p.step;
+        let [mut step, largest_step, least_step] = STEP;
         let mut falling = -1.0;
         let mut free = 0;
         self.evaluate(&place);
@@ -455,8 +511,8 @@ impl<'a> Follower<'a> {
             } else if corrections >= 8 {
                 step *= 0.7;
             }
-            free = if log_along < -p.free.0 && step >= p.step[0] { free + 1 } else { 0 };
-            if free >= p.free.1 {
+            free = if log_along < -FREE.0 && step >= STEP[0] { free + 1 } else { 0 };
+            if free >= FREE.1 {
                 return Leg::Free;
             }
         }
@@ -466,7 +522,7 @@ impl<'a> Follower<'a> {
     fn metric(&self) -> Vec<f64> {
         let units = &self.smoothed.tau_unit;
         let square: f64 = self.point.x.iter().enumerate().map(|(k, x)| (x / units[k / 3]).powi(2)).sum();
-        let size = self.parameters.spread.powi(2) * (square + 1e-30);
+        let size = SPREAD.powi(2) * (square + 1e-30);
         (0..self.point.x.len()).map(|k| 1.0 / (size * units[k / 3].powi(2))).collect()
     }
 
@@ -478,14 +534,13 @@ impl<'a> Follower<'a> {
         along: &[f64],
         log_along: f64,
     ) -> Option<usize> {
-        let p = self.parameters;
         let mut last = f64::INFINITY;
-        for correction in 0..p.corrections {
+        for correction in 0..CORRECTIONS {
             let size = self.evaluate(place);
-            if size <= p.centred * real::exp(place.log_tau) {
+            if size <= CENTRED * real::exp(place.log_tau) {
                 return Some(correction);
             }
-            if size.is_nan() || size > p.growth * last || self.story.systems >= self.last_system {
+            if size.is_nan() || size > GROWTH * last || self.story.systems >= self.last_system {
                 return None;
             }
             last = size;

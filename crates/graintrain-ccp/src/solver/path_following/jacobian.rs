@@ -4,7 +4,7 @@
 use super::smoothing::{ContactBlocks, SmoothedProblem};
 use crate::delassus::{Delassus, FIXED, RigidDelassus};
 use crate::newton::body_matrix::{Side, add_product, gather, scaled_sides, times_block};
-use crate::newton::direct::{self, in_body_space};
+use crate::newton::direct::in_body_space;
 use crate::problem::Ccp;
 use graintrain_linalg::block_ops::{apply3, multiply3};
 use graintrain_linalg::block3::{Block, BlockMatrix3};
@@ -63,7 +63,7 @@ impl Jacobian {
     pub fn new(problem: &Ccp, smoothed: &SmoothedProblem<'_>) -> Self {
         let unit = &smoothed.normal_unit;
         let (space, lu) = match &*problem.delassus {
-            Delassus::Rigid(rigid) if in_body_space(rigid, &direct::Parameters::default()) => {
+            Delassus::Rigid(rigid) if in_body_space(rigid) => {
                 let (bodies, lu) = Bodies::new(rigid, unit);
                 (Space::Bodies(bodies), lu)
             }

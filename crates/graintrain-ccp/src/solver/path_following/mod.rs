@@ -26,7 +26,7 @@
 //! **Linear algebra.** One sparse LU ([`graintrain_linalg::lu`]) of J per step gives Newton's direction and
 //! the tangent, over bodies as I + D~ A B^-1 D~^T (A = dP/dw, B the rest of J; the contact graph), over
 //! contacts as N' A + B, whichever is cheaper; a bare matrix, symmetric or not, over contacts. I - A is kept
-//! from vanishing (`Parameters::least_complement`): where impulses are not unique J would be singular.
+//! from vanishing (`LEAST_COMPLEMENT`): where impulses are not unique J would be singular.
 //!
 //! **Walks.** One walk goes down from large tau; which turns the path takes depends on kappa and on how
 //! closely it is followed, so several are tried with other such settings, and from impulses that are nearly
@@ -50,105 +50,18 @@ use super::settings::SolveSettings;
 use crate::delassus::{Delassus, DelassusIdentity};
 use crate::problem::{Ccp, CcpError};
 use crate::residual::{FrictionModel, ResidualScale};
-use follower::Follower;
+use follower::{Follower, systems};
 use jacobian::Jacobian;
 use smoothing::SmoothedProblem;
 
-/// How one walk goes about it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Walk {
-    /// rms |G| / V over tau up to which a place counts as near the path.
-    pub near: f64,
-    /// kappa: delta_i of |y_t|_delta relative to eta_i tau_i.
-    pub rounding: f64,
-    /// Factorisations allowed.
-    pub systems: usize,
-}
-
-/// What [`PathFollowing`] is tuned by.
-#[derive(Clone, Debug)]
-pub struct Parameters {
-    /// Walks from `first_tau` down, one after the other until one of them converges.
-    pub walks: Vec<Walk>,
-    /// Walks from the best impulses so far, at `warm_tau` times their residual, tried in turn.
-    pub warm_walks: Vec<Walk>,
-    /// See `warm_walks`.
-    pub warm_tau: f64,
-    /// Impulses of at most this residual are worth a warm walk.
-    pub warm_residual: f64,
-    /// Rounds of warm walks go on while the residual falls to this fraction.
-    pub warm_gain: f64,
-    /// Factorisations without which a walk is not worth a start.
-    pub least_systems: usize,
-    /// tau of the start, in units of V / eta_i.
-    pub first_tau: f64,
-    /// Least eigenvalue of I - A in the Jacobian.
-    pub least_complement: f64,
-    /// First factor of tau per step, and the least.
-    pub reduction: [f64; 2],
-    /// rms |G| / V over tau up to which the arclength takes a place for one on the path.
-    pub centred: f64,
-    /// Steps in a row without a fall of tau that end a descent.
-    pub hard: usize,
-    /// Steps without a tenth off the least residual that end a descent below `least_tau`.
-    pub patience: usize,
-    /// tau over tolerance below which nothing is to be gained.
-    pub least_tau: f64,
-    /// Places near the path that are remembered.
-    pub anchors: usize,
-    /// Newton steps of a correction.
-    pub corrections: usize,
-    /// Growth of |G| that ends a correction.
-    pub growth: f64,
-    /// Change of w, relative to the size of x, that counts as much as a change of ln tau by 1.
-    pub spread: f64,
-    /// First, largest and least step of the arclength.
-    pub step: [f64; 3],
-    /// d ln tau / ds below minus this is free fall; so many steps of it end the arclength.
-    pub free: (f64, usize),
-}
-
-impl Default for Parameters {
-    fn default() -> Self {
-        let walk = |near, rounding, systems| Walk { near, rounding, systems };
-        Self {
-            walks: vec![
-                walk(1.0, 1e-2, 200),
-                walk(3.0, 1e-2, 200),
-                walk(0.3, 3e-2, 400),
-                walk(0.3, 1e-2, 400),
-                walk(0.3, 1.0, 400),
-                walk(3.0, 0.3, 400),
-            ],
-            warm_walks: vec![walk(1.0, 1e-2, 60), walk(3.0, 1e-1, 60), walk(0.3, 1e-2, 100)],
-            warm_tau: 3.0,
-            warm_residual: 1e-2,
-            warm_gain: 0.5,
-            least_systems: 10,
-            first_tau: 1e3,
-            least_complement: 1e-10,
-            reduction: [0.3, 1e-4],
-            centred: 1e-2,
-            hard: 30,
-            patience: 10,
-            least_tau: 1e-4,
-            anchors: 10,
-            corrections: 12,
-            growth: 2.0,
-            spread: 0.3,
-            step: [0.5, 4.0, 1e-6],
-            free: (0.5, 3),
-        }
-    }
-}
+/// Factorisations without which a walk is not worth a start.
+const LEAST_SYSTEMS: usize = 10;
 
 /// The solver.
 #[derive(Default)]
 pub struct PathFollowing {
     /// Pattern and symbolic factorisation of the last problem.
     prepared: Option<Prepared>,
-    /// The tuned constants.
-    pub parameters: Parameters,
 }
 
 /// What depends on N and the coefficients of friction alone.
@@ -176,8 +89,7 @@ impl PathFollowing {
     /// least 1.
     fn iterations_per_system(&mut self, problem: &Ccp) -> f64 {
         let scale = ResidualScale::new(problem);
-        let model = FrictionModel::Coulomb;
-        let smoothed = SmoothedProblem::new(problem, &scale, model, self.parameters.least_complement);
+        let smoothed = SmoothedProblem::new(problem, &scale, FrictionModel::Coulomb);
         let factorisation = self.prepare(problem, &smoothed).jacobian.flops();
         let product = match &*problem.delassus {
             Delassus::Rigid(_) => RIGID_FLOPS * problem.num_contacts() as f64,
@@ -192,25 +104,16 @@ impl PathFollowing {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        let parameters = self.parameters.clone();
-        let allowed = parameters.systems();
-        let limits = Limits::start(settings, allowed);
+        let limits = Limits::start(settings, systems());
         check_start(problem, impulse)?;
         if problem.num_contacts() == 0 {
             return Ok(limits.report(NAME, problem, impulse, Status::Converged, 0, 0));
         }
         let scale = ResidualScale::new(problem);
-        let smoothed = SmoothedProblem::new(problem, &scale, settings.friction, parameters.least_complement);
+        let smoothed = SmoothedProblem::new(problem, &scale, settings.friction);
         let prepared = self.prepare(problem, &smoothed);
-        let mut follower = Follower::new(
-            problem,
-            &scale,
-            &limits,
-            &parameters,
-            settings.friction,
-            smoothed,
-            &mut prepared.jacobian,
-        );
+        let mut follower =
+            Follower::new(problem, &scale, &limits, settings.friction, smoothed, &mut prepared.jacobian);
         let status = follower.run(impulse);
         follower.best.restore(impulse);
         let story = follower.story;
@@ -240,15 +143,11 @@ impl CcpSolver for PathFollowing {
     }
 
     fn iteration_limit(&self) -> usize {
-        self.parameters.systems()
+        systems()
     }
 
     fn cost(&mut self, problem: &Ccp) -> Cost {
-        Cost {
-            start: 0.0,
-            iteration: self.iterations_per_system(problem),
-            least: self.parameters.least_systems,
-        }
+        Cost { start: 0.0, iteration: self.iterations_per_system(problem), least: LEAST_SYSTEMS }
     }
 
     fn solve(
@@ -259,13 +158,5 @@ impl CcpSolver for PathFollowing {
     ) -> Result<SolveReport, CcpError> {
         problem.require_sliding_alone(&self.name())?;
         self.follow(problem, impulse, settings)
-    }
-}
-
-impl Parameters {
-    /// Factorisations of all walks together, where each round of warm walks is made once.
-    fn systems(&self) -> usize {
-        let sum = |walks: &[Walk]| walks.iter().map(|walk| walk.systems).sum::<usize>();
-        sum(&self.walks) + (1 + self.walks.len()) * sum(&self.warm_walks)
     }
 }

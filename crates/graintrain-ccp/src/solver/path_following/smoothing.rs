@@ -75,6 +75,9 @@ pub(super) struct Point {
     speed: Vec<f64>,
 }
 
+/// Least eigenvalue of I - A in the Jacobian.
+const LEAST_COMPLEMENT: f64 = 1e-10;
+
 /// The smoothed problem of one contact problem.
 pub(super) struct SmoothedProblem<'a> {
     problem: &'a Ccp,
@@ -92,14 +95,12 @@ pub(super) struct SmoothedProblem<'a> {
     theta: f64,
     /// kappa of delta_i = kappa eta_i tau_i.
     pub rounding: f64,
-    /// Least eigenvalue of I - A in the Jacobian.
-    least_complement: f64,
     work: DelassusWork,
     scratch: Vec<f64>,
 }
 
 impl<'a> SmoothedProblem<'a> {
-    pub fn new(problem: &'a Ccp, scale: &ResidualScale, model: FrictionModel, least_complement: f64) -> Self {
+    pub fn new(problem: &'a Ccp, scale: &ResidualScale, model: FrictionModel) -> Self {
         let contacts = problem.num_contacts();
         let normal_unit: Vec<f64> =
             problem.friction.iter().map(|&mu| if mu > 0.0 { 1.0 / mu } else { 1.0 }).collect();
@@ -129,7 +130,6 @@ impl<'a> SmoothedProblem<'a> {
             eta,
             theta: if model == FrictionModel::Coulomb { 1.0 } else { 0.0 },
             rounding: 0.0,
-            least_complement,
             work: problem.delassus.work(),
             scratch: vec![0.0; 3 * contacts],
         }
@@ -234,7 +234,7 @@ impl<'a> SmoothedProblem<'a> {
 
     /// The blocks of the Jacobian at the point.
     pub fn blocks(&self, w: &[f64], tau: f64, point: &Point, blocks: &mut Vec<ContactBlocks>) {
-        let cap = |b: f64| b.max(self.least_complement);
+        let cap = |b: f64| b.max(LEAST_COMPLEMENT);
         blocks.clear();
         for i in 0..self.num_contacts() {
             let (eta, own) = (self.eta[i], tau * self.tau_unit[i]);

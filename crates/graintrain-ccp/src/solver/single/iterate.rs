@@ -9,11 +9,24 @@ use super::super::momentum::extrapolated;
 use super::super::octet::{EIGHT, Octet, SingleVector};
 use super::super::report::Status;
 use super::super::scaling::{POWER_ITERATIONS, start_of_power};
+use super::SingleProblem;
 use super::kernel::{Identity, NaturalMap, PowerStep, Seen, SingleKernel, SingleTally};
 use super::operator::SingleScratch;
 use super::sweep::Sweep;
-use super::{Parameters, SingleProblem};
 use crate::residual::{Criterion, FrictionModel, Residual};
+
+/// Iterations between two evaluations of the residual: at least and at most. In between the length of the
+/// steps tells when it is time.
+const CHECKS: [usize; 2] = [3, 25];
+/// Iterations between two evaluations of images from their vectors.
+const REFRESH: usize = 100;
+/// Double precision goes on after so many iterations without a tenth off the least residual.
+pub const PATIENCE: usize = 1000;
+/// Double precision goes on where this multiple of what rounding may do to the residual reaches the
+/// tolerance.
+pub const ROUNDING: f64 = 8.0;
+/// Rounding does so many times as much to the worst contact as to the root mean square.
+const WORST: f64 = 4.0;
 
 /// The current iterate of a method with what it needs from step to step.
 pub struct SingleIterate<'a> {
@@ -26,7 +39,6 @@ pub struct SingleIterate<'a> {
     image_y: Vec<Octet>,
     scratch: SingleScratch,
     limits: &'a Limits<'a>,
-    parameters: &'a Parameters,
     /// Length of the last step over the step size, rms.
     slope: f64,
     /// Residual over slope at the last check.
@@ -47,12 +59,7 @@ pub struct SingleIterate<'a> {
 }
 
 impl<'a> SingleIterate<'a> {
-    pub fn new(
-        problem: &'a SingleProblem,
-        limits: &'a Limits<'a>,
-        parameters: &'a Parameters,
-        impulse: &[f64],
-    ) -> Self {
+    pub fn new(problem: &'a SingleProblem, limits: &'a Limits<'a>, impulse: &[f64]) -> Self {
         let mut x = problem.zeros();
         problem.pack(impulse, &mut x);
         let image = vec![Octet::default(); problem.operator.image_len()];
@@ -64,7 +71,6 @@ impl<'a> SingleIterate<'a> {
             image,
             scratch: problem.operator.scratch(),
             limits,
-            parameters,
             slope: f64::INFINITY,
             ratio: 0.0,
             last_check: 0,
@@ -118,7 +124,7 @@ impl<'a> SingleIterate<'a> {
         // A lane may lose a NaN in its maximum, never in its sum.
         let square = if totals.sum[0].is_nan() { f64::NAN } else { totals.max };
         let residual = Residual { max: square.sqrt(), rms: (totals.sum[0] / count).sqrt() };
-        let worst = if self.limits.criterion() == Criterion::Mixed { 1.0 } else { self.parameters.worst };
+        let worst = if self.limits.criterion() == Criterion::Mixed { 1.0 } else { WORST };
         (residual, worst * f64::from(f32::EPSILON) * (totals.sum[1] / count).sqrt())
     }
 
@@ -143,8 +149,7 @@ impl<'a> SingleIterate<'a> {
             self.status = (status != Status::Stalled).then_some(status);
             return false;
         }
-        let Parameters { rounding, patience, .. } = self.parameters;
-        rounding * slack < self.limits.tolerance() && self.since_better <= *patience
+        ROUNDING * slack < self.limits.tolerance() && self.since_better <= PATIENCE
     }
 
     /// Counts an iteration and says whether to do it.
@@ -152,7 +157,7 @@ impl<'a> SingleIterate<'a> {
         if self.checks_now() && !self.check() {
             return false;
         }
-        if self.iterations > 0 && self.iterations.is_multiple_of(self.parameters.refresh) {
+        if self.iterations > 0 && self.iterations.is_multiple_of(REFRESH) {
             self.refresh();
         }
         self.iterations += 1;
@@ -189,7 +194,7 @@ impl<'a> SingleIterate<'a> {
     /// Whether it is time for a check.
     fn checks_now(&self) -> bool {
         let since = self.iterations - self.last_check;
-        let [least, most] = self.parameters.checks;
+        let [least, most] = CHECKS;
         self.iterations == 0
             || self.limits.iterations_left(self.iterations) == 0
             || since >= most

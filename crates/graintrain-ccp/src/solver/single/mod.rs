@@ -12,7 +12,6 @@ mod geometry;
 mod iterate;
 mod kernel;
 mod operator;
-mod parameters;
 mod sweep;
 
 use super::body_pass::BODIES;
@@ -35,10 +34,20 @@ use std::sync::Arc;
 use sweep::Sweeps;
 
 pub use iterate::SingleIterate;
-pub use parameters::Parameters;
+#[cfg(test)]
+pub(super) use iterate::{PATIENCE, ROUNDING};
 
 /// Arms that are off the normal by more than this fraction of their length are taken as they are.
 const ALONG_NORMAL: f64 = 1e-9;
+
+/// Contacts below which the packing costs more than the iterations save. Values of this and of what follows:
+/// docs/solvers.md, "Single precision first", on the common drop of 4 913 spheres at tolerances of 1e-2 and
+/// 1e-3.
+pub(super) const FEWEST_CONTACTS: usize = 256;
+/// Least tolerance of the root mean square: what single precision reaches on packings.
+pub(super) const LEAST_TOLERANCE: f64 = 2e-5;
+/// The same of the worst contact.
+pub(super) const LEAST_MAXIMUM: f64 = 1e-3;
 
 /// The scaled problem in single precision.
 #[derive(Clone, Debug)]
@@ -58,15 +67,15 @@ pub struct SingleProblem {
 
 /// Whether the solve may begin in single precision: over rigid bodies that no joint couples and no contact
 /// keeps from turning, not too few contacts, not too tight a tolerance.
-pub(super) fn suits(problem: &Ccp, settings: &SolveSettings, parameters: &Parameters) -> bool {
+pub(super) fn suits(problem: &Ccp, settings: &SolveSettings) -> bool {
     let Delassus::Rigid(rigid) = &*problem.delassus else { return false };
     let least = match settings.criterion {
-        Criterion::Mixed => parameters.least_tolerance,
-        Criterion::Maximum => parameters.least_maximum,
+        Criterion::Mixed => LEAST_TOLERANCE,
+        Criterion::Maximum => LEAST_MAXIMUM,
     };
     rigid.is_plain_but_for_cell()
         && problem.turning.is_empty()
-        && problem.num_contacts() >= parameters.fewest_contacts
+        && problem.num_contacts() >= FEWEST_CONTACTS
         && settings.tolerance >= least
 }
 
