@@ -412,11 +412,11 @@ impl SolverSpec {
 #[cfg(feature = "paper")]
 fn of_paper(method: Method, linear: LinearMethod) -> Result<Box<dyn CcpSolver>, CcpError> {
     Ok(match method {
-        Method::Jacobi => Box::new(FirstOrder::new(Jacobi::default())),
-        Method::BarzilaiBorwein => Box::new(FirstOrder::new(BarzilaiBorwein::default())),
-        Method::Kucera => Box::new(FirstOrder::new(Kucera::default())),
-        Method::SpectralProjectedGradient => Box::new(FirstOrder::new(SpectralProjectedGradient::default())),
-        Method::GpMinres => Box::new(FirstOrder::new(GpMinres::default())),
+        Method::Jacobi => Box::new(FirstOrder::new(Jacobi)),
+        Method::BarzilaiBorwein => Box::new(FirstOrder::new(BarzilaiBorwein)),
+        Method::Kucera => Box::new(FirstOrder::new(Kucera)),
+        Method::SpectralProjectedGradient => Box::new(FirstOrder::new(SpectralProjectedGradient)),
+        Method::GpMinres => Box::new(FirstOrder::new(GpMinres)),
         Method::Scip => Box::new(Scip::with_solver(linear.build()?)),
         Method::Pdip => Box::new(Pdip::with_solver(Rule::Central, linear.build()?)),
         Method::PdipLiteral => Box::new(Pdip::with_solver(Rule::Paper, linear.build()?)),

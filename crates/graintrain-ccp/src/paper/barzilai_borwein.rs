@@ -13,17 +13,10 @@ use crate::solver::scaling::ScaledProblem;
 /// turns, on the scaled problem. The objective may rise, but not above the reference value of Dai and
 /// Fletcher, the largest of the values since the last improvement, renewed when ten iterations brought none.
 /// An iteration costs one product.
-#[derive(Clone, Debug)]
-pub struct BarzilaiBorwein {
-    /// Iterations without a better objective after which the reference value is renewed.
-    pub patience: usize,
-}
+pub struct BarzilaiBorwein;
 
-impl Default for BarzilaiBorwein {
-    fn default() -> Self {
-        Self { patience: 10 }
-    }
-}
+/// Iterations without a better objective after which the reference value is renewed.
+const PATIENCE: usize = 10;
 
 impl FirstOrderMethod for BarzilaiBorwein {
     const NAME: &'static str = "bb";
@@ -40,7 +33,7 @@ impl FirstOrderMethod for BarzilaiBorwein {
             } else {
                 candidate = objective.max(candidate);
                 without_progress += 1;
-                if without_progress == self.patience {
+                if without_progress == PATIENCE {
                     (reference, candidate, without_progress) = (candidate, objective, 0);
                 }
             }

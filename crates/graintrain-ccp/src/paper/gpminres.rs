@@ -18,21 +18,14 @@ use crate::solver::tasks::Tally;
 /// tau = 1, 1/2, 1/4, .., takes the first point with a lower objective. Minimum residuals are computed by the
 /// conjugate residual recurrence (Stiefel 1955), the same iterates for the positive semi-definite N'. A
 /// gradient step costs one fused pass, a minimum residual step a pass and a look.
-#[derive(Clone, Debug)]
-pub struct GpMinres {
-    /// Gradient projection steps per turn.
-    pub gradient_steps: usize,
-    /// Minimum residual steps per turn, at most.
-    pub krylov_steps: usize,
-    /// A turn of minimum residuals ends when they fell by this factor.
-    pub krylov_tolerance: f64,
-}
+pub struct GpMinres;
 
-impl Default for GpMinres {
-    fn default() -> Self {
-        Self { gradient_steps: 10, krylov_steps: 60, krylov_tolerance: 0.1 }
-    }
-}
+/// Gradient projection steps per turn.
+const GRADIENT_STEPS: usize = 10;
+/// Minimum residual steps per turn, at most.
+const KRYLOV_STEPS: usize = 60;
+/// A turn of minimum residuals ends when they fell by this factor.
+const KRYLOV_TOLERANCE: f64 = 0.1;
 
 /// x <- P(x - alpha u); tallies |d|^2.
 struct GradientStep {
@@ -207,7 +200,7 @@ impl FirstOrderMethod for GpMinres {
         };
         loop {
             let mut alpha = shortest;
-            for _ in 0..self.gradient_steps {
+            for _ in 0..GRADIENT_STEPS {
                 if !it.proceed(scaled) {
                     return;
                 }
@@ -220,7 +213,7 @@ impl FirstOrderMethod for GpMinres {
                 alpha =
                     if spectral.is_finite() { spectral.clamp(shortest, 1.8 * shortest) } else { shortest };
             }
-            if !self.minimise_on_face(scaled, it, &mut face) {
+            if !minimise_on_face(scaled, it, &mut face) {
                 return;
             }
             projected_search(scaled, it, &mut face);
@@ -228,36 +221,33 @@ impl FirstOrderMethod for GpMinres {
     }
 }
 
-impl GpMinres {
-    /// w of the current face by minimum residuals; false where it is time to stop.
-    fn minimise_on_face(&self, scaled: &ScaledProblem, it: &mut Iterate<'_>, face: &mut Face) -> bool {
-        let Face { w, rho, p, ap, image_rho, .. } = face;
-        let (totals, mut quadratic) =
-            scaled.pass(&it.image, [&mut it.x, w, rho, p, ap], image_rho, &mut it.work, &FaceResidual);
-        let target = self.krylov_tolerance * self.krylov_tolerance * totals.sum[0];
-        let mut beta = 0.0;
-        for _ in 0..self.krylov_steps {
-            if !it.count() {
-                return it.check(scaled);
-            }
-            let length =
-                scaled.look(image_rho, [&mut it.x, rho, p, ap], &mut it.work, &Conjugate { beta }).sum[0];
-            let alpha = quadratic / length;
-            if !alpha.is_finite() {
-                break;
-            }
-            let last = quadratic;
-            let (totals, new) =
-                scaled.scatter_pass([w, rho, p, ap], image_rho, &mut it.work, &Advance { alpha });
-            it.work.count_product();
-            quadratic = new;
-            beta = quadratic / last;
-            if totals.sum[0] <= target || !beta.is_finite() {
-                break;
-            }
+/// w of the current face by minimum residuals; false where it is time to stop.
+fn minimise_on_face(scaled: &ScaledProblem, it: &mut Iterate<'_>, face: &mut Face) -> bool {
+    let Face { w, rho, p, ap, image_rho, .. } = face;
+    let (totals, mut quadratic) =
+        scaled.pass(&it.image, [&mut it.x, w, rho, p, ap], image_rho, &mut it.work, &FaceResidual);
+    let target = KRYLOV_TOLERANCE * KRYLOV_TOLERANCE * totals.sum[0];
+    let mut beta = 0.0;
+    for _ in 0..KRYLOV_STEPS {
+        if !it.count() {
+            return it.check(scaled);
         }
-        true
+        let length =
+            scaled.look(image_rho, [&mut it.x, rho, p, ap], &mut it.work, &Conjugate { beta }).sum[0];
+        let alpha = quadratic / length;
+        if !alpha.is_finite() {
+            break;
+        }
+        let last = quadratic;
+        let (totals, new) = scaled.scatter_pass([w, rho, p, ap], image_rho, &mut it.work, &Advance { alpha });
+        it.work.count_product();
+        quadratic = new;
+        beta = quadratic / last;
+        if totals.sum[0] <= target || !beta.is_finite() {
+            break;
+        }
     }
+    true
 }
 
 /// x <- P(x + tau w) for the first tau = 1, 1/2, .. that lowers the objective, whose change is u^T d + d^T N'

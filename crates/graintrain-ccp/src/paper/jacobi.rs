@@ -5,35 +5,24 @@
 
 use crate::solver::combination::Accumulate;
 use crate::solver::first_order::{FirstOrderMethod, Iterate};
-use crate::solver::lanes::{Batch, Vector, add, add_scaled, dot, scale, sub};
+use crate::solver::lanes::{Batch, Vector, add, add_scaled, dot, sub};
 use crate::solver::scaling::{ContactBatch, Kernel, KernelInput, ScaledProblem};
 use crate::solver::tasks::Tally;
 
 /// Projected Jacobi: all contacts at once from the same velocities,
 ///
 /// ```text
-/// x+ = x + lambda ( P( x - omega (N' x + r') ) - x )
+/// x+ = P( x - omega (N' x + r') )
 /// ```
 ///
 /// in the metric of the scaled problem (the diagonal of N). It converges for omega below 2 / (largest
 /// eigenvalue of N'); omega starts at the inverse of an estimate of it and shrinks whenever the curvature met
 /// along a step shows that it was too long. One iteration costs one fused pass.
-#[derive(Clone, Debug)]
-pub struct Jacobi {
-    /// lambda in (0, 1]: averaging of the old and the new iterate.
-    pub averaging: f64,
-}
+pub struct Jacobi;
 
-impl Default for Jacobi {
-    fn default() -> Self {
-        Self { averaging: 1.0 }
-    }
-}
-
-/// Returns d = lambda (P(x - omega u) - x) and adds it to x; tallies |d|^2.
+/// Returns d = P(x - omega u) - x and adds it to x; tallies |d|^2.
 struct Step {
     omega: f64,
-    averaging: f64,
 }
 
 impl Kernel<1> for Step {
@@ -50,7 +39,7 @@ impl Kernel<1> for Step {
         [x]: [&mut Batch<V>; 1],
         tally: &mut Tally<V>,
     ) -> Batch<V> {
-        let d = scale(V::splat(self.averaging), &sub(&projected, x));
+        let d = sub(&projected, x);
         tally.sum[0] += dot(&d, &d);
         *x = add(x, &d);
         d
@@ -64,9 +53,8 @@ impl FirstOrderMethod for Jacobi {
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
         let mut omega = 1.0 / it.largest_curvature(scaled);
         while it.proceed(scaled) {
-            let step = Step { omega, averaging: self.averaging };
             let (totals, curvature) =
-                scaled.pass_onto([&mut it.image], [&mut it.x], &mut it.work, &step, |_| Accumulate);
+                scaled.pass_onto([&mut it.image], [&mut it.x], &mut it.work, &Step { omega }, |_| Accumulate);
             if omega * curvature > 1.5 * totals.sum[0] {
                 omega = totals.sum[0] / curvature;
             }

@@ -13,21 +13,11 @@ use crate::solver::tasks::{Tally, for_each_batch};
 
 /// The gradient u = N' x + r' is split, contact by contact, into the part phi along the face of the cone on
 /// which x lies (the whole space inside, the ray on the mantle, nothing at the apex) and the rest. While the
-/// reduced boundary gradient beta satisfies |beta|^2 <= Gamma^2 phi^T phi_reduced, conjugate gradients
+/// reduced boundary gradient beta satisfies |beta|^2 <= phi^T phi_reduced, conjugate gradients
 /// minimise over the current faces; where their step would leave a cone, half of an expansion step goes to
 /// its boundary and a projected step along phi follows; otherwise a proportioning step moves the boundary
 /// contacts by a projected gradient step. An iteration costs a look at the gradient and one fused pass.
-#[derive(Clone, Debug)]
-pub struct Kucera {
-    /// Gamma, default 1.
-    pub proportion: f64,
-}
-
-impl Default for Kucera {
-    fn default() -> Self {
-        Self { proportion: 1.0 }
-    }
-}
+pub struct Kucera;
 
 /// phi <- part of u along the faces; tallies phi^T phi_reduced, |beta|^2 and |phi|^2.
 struct Split {
@@ -174,7 +164,7 @@ impl FirstOrderMethod for Kucera {
             let split = scaled.look(&it.image, [&mut it.x, &mut phi], &mut it.work, &Split { step });
             // Both reduced gradients are here times the step.
             let [free, boundary, square, ..] = split.sum;
-            if boundary > self.proportion * self.proportion * step * free {
+            if boundary > step * free {
                 let kernel = Proportioning { step };
                 scaled.pass_onto([&mut it.image], [&mut it.x], &mut it.work, &kernel, |_| Accumulate);
                 last_square = f64::INFINITY;

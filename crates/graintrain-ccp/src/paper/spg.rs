@@ -15,26 +15,19 @@ use crate::solver::scaling::ScaledProblem;
 /// spectral step where it is much shorter than the long one and the long one otherwise (adaptive choice of
 /// Zhou, Gao and Dai 2006). The fallback: the iterate of least residual is what is returned. An iteration
 /// costs one product.
-#[derive(Clone, Debug)]
-pub struct SpectralProjectedGradient {
-    /// Objectives that the line search remembers.
-    pub memory: usize,
-    /// The short step is taken where it is below this fraction of the long one.
-    pub ratio: f64,
-}
+pub struct SpectralProjectedGradient;
 
-impl Default for SpectralProjectedGradient {
-    fn default() -> Self {
-        Self { memory: 10, ratio: 0.5 }
-    }
-}
+/// Objectives that the line search remembers.
+const MEMORY: usize = 10;
+/// The short step is taken where it is below this fraction of the long one.
+const RATIO: f64 = 0.5;
 
 impl FirstOrderMethod for SpectralProjectedGradient {
     const NAME: &'static str = "spg";
 
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
         let (mut spectral, mut alpha) = Spectral::new(scaled, it);
-        let mut last = vec![f64::NEG_INFINITY; self.memory.max(1)];
+        let mut last = [f64::NEG_INFINITY; MEMORY];
         last[0] = 0.0;
         let mut place = 0;
         while it.proceed(scaled) {
@@ -44,7 +37,7 @@ impl FirstOrderMethod for SpectralProjectedGradient {
             last[place] = spectral.objective;
             let long = spectral.long_step(&change);
             let short = spectral.short_step(&change);
-            alpha = if short < self.ratio * long { short } else { long };
+            alpha = if short < RATIO * long { short } else { long };
         }
     }
 }

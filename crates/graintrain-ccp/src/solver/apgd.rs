@@ -22,7 +22,7 @@ use crate::residual::FrictionModel;
 /// t shrinks where the curvature met along a step, d^T N' d / |d|^2 with d = x+ - y, exceeds 1/t, and grows
 /// slowly otherwise; beta restarts from zero where the step points uphill, (y - x+)^T (x+ - x) > 0. That
 /// hardly ever happens: momentum that is too long keeps contacts opening and closing without pointing uphill.
-/// So theta stays below [`cap`](Self::cap), or [`cap_growth`](Self::cap_growth) times the iteration where
+/// So theta stays below `CAP`, or `CAP_GROWTH` times the iteration where
 /// that is more, since the slow modes of a tight tolerance need it longer. In runs of settling beds this
 /// saves a sixth of the iterations; cold solves of tall packings take a tenth more.
 ///
@@ -36,31 +36,21 @@ use crate::residual::FrictionModel;
 ///
 /// One iteration is one fused pass over the contacts and one over the bodies: because images are linear,
 /// N' x+ = N' y + N' d needs no product of its own.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Apgd {
-    /// Factor by which the step grows per iteration.
-    pub growth: f64,
-    /// Largest theta where friction is relaxed, in the first iterations.
-    pub cap: f64,
-    /// Largest theta per iteration made, where that is more than `cap`.
-    pub cap_growth: f64,
-    /// How long the momentum lasts where friction is exact.
-    pub memory: Memory,
     /// The limit that the last iterations with exact friction ended with.
-    pub found: Option<f64>,
+    found: Option<f64>,
 }
 
-impl Default for Apgd {
-    fn default() -> Self {
-        Self {
-            growth: 1.03,
-            cap: 50.0,
-            cap_growth: 0.2,
-            memory: Memory { first: 50.0, longer: 1.5, shorter: 0.5, range: [10.0, 3000.0], young: 5.0 },
-            found: None,
-        }
-    }
-}
+/// Factor by which the step grows per iteration.
+const GROWTH: f64 = 1.03;
+/// Largest theta where friction is relaxed, in the first iterations.
+const CAP: f64 = 50.0;
+/// Largest theta per iteration made, where that is more than `CAP`.
+const CAP_GROWTH: f64 = 0.2;
+/// How long the momentum lasts where friction is exact.
+pub(super) const MEMORY: Memory =
+    Memory { first: 50.0, longer: 1.5, shorter: 0.5, range: [10.0, 3000.0], young: 5.0 };
 
 /// previous <- x+ = P(y - t u) with y = x + beta (x - previous); returns d = x+ - y, tallies |d|^2 and d^T
 /// (x+ - x).
@@ -281,7 +271,7 @@ impl Apgd {
         // Found when it is needed: a start that is good enough needs none.
         let mut step = 0.0;
         let (mut theta, mut beta) = (1.0_f64, 0.0);
-        let mut momentum = Momentum::new(&self.memory, self.found);
+        let mut momentum = Momentum::new(&MEMORY, self.found);
         let (mut iteration, mut steepest) = (0.0, 0.0_f64);
         while space.proceed(beta) {
             if iteration == 0.0 {
@@ -296,7 +286,7 @@ impl Apgd {
                     theta = 1.0;
                     0.0
                 } else {
-                    let next = nesterov(theta).0.min(self.cap.max(self.cap_growth * iteration));
+                    let next = nesterov(theta).0.min(CAP.max(CAP_GROWTH * iteration));
                     let beta = (theta - 1.0) / next;
                     theta = next;
                     beta
@@ -307,7 +297,7 @@ impl Apgd {
             if curvature * step > length {
                 step = 0.9 * length / curvature;
             } else {
-                step *= self.growth;
+                step *= GROWTH;
             }
         }
         if EXACT {

@@ -1,7 +1,7 @@
 //! What docs/solvers.md says of constants is what they are.
 
-use super::accelerated_sweeps::AcceleratedSweeps;
-use super::apgd::Apgd;
+use super::accelerated_sweeps;
+use super::apgd;
 use super::cascade::{ABOVE, GRADIENTS_FIRST, LONGEST, TURN};
 use super::first_order::NEAR;
 use super::momentum::Memory;
@@ -29,8 +29,8 @@ fn the_page_on_solvers_has_their_constants() {
             format!(
                 "the residual of {SAMPLE} of them is evaluated first; if it is at most {NEAR} times the tolerance"
             ),
-            format!("{} for `apgd`", memory(&Apgd::default().memory)),
-            format!("{} for `apgs`", memory(&AcceleratedSweeps::default().memory)),
+            format!("{} for `apgd`", memory(&apgd::MEMORY)),
+            format!("{} for `apgs`", memory(&accelerated_sweeps::MEMORY)),
             format!("a twelfth of the available iterations, {least} to {}", count(most)),
             format!("from {} contacts on ({} without single precision)", count(many), count(fewer)),
             format!("until none gains in a turn of {}", count(LONGEST)),
