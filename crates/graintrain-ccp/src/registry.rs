@@ -23,128 +23,92 @@ use std::str::FromStr;
 /// The cargo feature that [`Method`]s and [`LinearMethod`]s of the paper need.
 const PAPER: &str = "paper";
 
-/// A method for the CCP.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Method {
-    /// `auto`.
+/// Whether lists of solvers for users show it; the others are for experiments.
+const LISTED: bool = true;
+const HIDDEN: bool = false;
+/// Whether it is compiled in.
+const ALWAYS: bool = true;
+const WITH_PAPER: bool = cfg!(feature = "paper");
+
+/// Defines a list of names: in each row a variant, its name, and whatever else is known of it.
+macro_rules! names {
+    ($(#[$meta:meta])* $list:ident of $row:ty: $(
+        $(#[$of:meta])* $variant:ident $({ $($(#[$doc:meta])* $field:ident: $kind:ty = $usual:expr),+ })?
+            = $name:literal, $columns:expr;
+    )+) => {
+        $(#[$meta])*
+        pub enum $list {
+            $(#[doc = concat!("`", $name, "`.")] $(#[$of])* $variant $({ $($(#[$doc])* $field: $kind),+ })?,)+
+        }
+
+        impl $list {
+            /// All of them, in the order of the documentation.
+            pub const ALL: [Self; [$($name),+].len()] =
+                [$(Self::$variant $({ $($field: $usual),+ })?,)+];
+
+            /// Those that are compiled in.
+            pub fn available() -> impl Iterator<Item = Self> {
+                Self::ALL.into_iter().filter(|one| one.is_available())
+            }
+
+            /// Name on the command line, without settings; that of a linear solver follows a `+`.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant { .. } => $name,)+
+                }
+            }
+
+            fn row(self) -> $row {
+                match self {
+                    $(Self::$variant { .. } => $columns,)+
+                }
+            }
+        }
+    };
+}
+
+names! {
+    /// A method for the CCP.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+    Method of (bool, bool, &'static str):
     #[default]
-    Auto,
-    /// `pj`.
-    Jacobi,
-    /// `pgs`.
-    GaussSeidel,
-    /// `apgs`.
-    AcceleratedSweeps,
-    /// `apgd`.
-    Apgd,
-    /// `bb`.
-    BarzilaiBorwein,
-    /// `kucera`.
-    Kucera,
-    /// `spg`.
-    SpectralProjectedGradient,
-    /// `gpminres`.
-    GpMinres,
-    /// `scip`.
-    Scip,
-    /// `ipm`.
-    Ipm,
-    /// `path`.
-    PathFollowing,
-    /// `pdip`.
-    Pdip,
-    /// `pdip-literal`.
-    PdipLiteral,
+    Auto = "auto", (LISTED, ALWAYS,
+        "exact friction: apgs and others in turn; relaxed: apgd, and the interior point where that is better");
+    Jacobi = "pj", (LISTED, WITH_PAPER, "projected Jacobi (Tasora, Anitescu 2011)");
+    GaussSeidel = "pgs", (LISTED, ALWAYS,
+        "projected Gauss-Seidel (Tasora, Anitescu 2011); pgs@1.3: with over-relaxation 1.3 (SOR)");
+    AcceleratedSweeps = "apgs", (LISTED, ALWAYS, "projected Gauss-Seidel with Nesterov's momentum");
+    Apgd = "apgd", (LISTED, ALWAYS,
+        "accelerated projected gradient descent (Mazhar, Heyn, Negrut, Tasora 2015)");
+    BarzilaiBorwein = "bb", (LISTED, WITH_PAPER,
+        "projected Barzilai-Borwein gradient (Barzilai, Borwein 1988; Dai, Fletcher 2005)");
+    Kucera = "kucera", (LISTED, WITH_PAPER,
+        "projected conjugate gradients with expansion and proportioning (Kucera 2008)");
+    SpectralProjectedGradient = "spg", (LISTED, WITH_PAPER,
+        "preconditioned spectral projected gradient with fallback, P-SPG-FB (Heyn 2013)");
+    GpMinres = "gpminres", (LISTED, WITH_PAPER,
+        "gradient-projected minimum residual (Heyn, Anitescu, Tasora, Negrut 2013)");
+    Scip = "scip", (LISTED, WITH_PAPER,
+        "symmetric cone interior point (Kleinert, Simeon, Obermayr 2014); linear solver after a '+'");
+    Ipm = "ipm", (LISTED, ALWAYS,
+        "projected gradients, Newton on the projection, interior point; ipm+LINEAR: the interior point alone");
+    PathFollowing = "path", (LISTED, ALWAYS,
+        "follows the smoothed path of the exact friction problem around its folds, one sparse LU per step");
+    Pdip = "pdip", (LISTED, WITH_PAPER,
+        "primal-dual interior point of the paper (Corona et al. 2019); linear solver after a '+'");
+    PdipLiteral = "pdip-literal", (HIDDEN, WITH_PAPER,
+        "the same with the paper's own start, barrier and step rules, which stall on settled packings");
 }
 
 impl Method {
-    /// Every method, in the order of the documentation.
-    pub const ALL: [Self; 14] = [
-        Self::Auto,
-        Self::Jacobi,
-        Self::GaussSeidel,
-        Self::AcceleratedSweeps,
-        Self::Apgd,
-        Self::BarzilaiBorwein,
-        Self::Kucera,
-        Self::SpectralProjectedGradient,
-        Self::GpMinres,
-        Self::Scip,
-        Self::Ipm,
-        Self::PathFollowing,
-        Self::Pdip,
-        Self::PdipLiteral,
-    ];
-
-    /// Those that are compiled in.
-    pub fn available() -> impl Iterator<Item = Self> {
-        Self::ALL.into_iter().filter(|method| method.is_available())
-    }
-
-    /// Name on the command line.
-    pub fn name(self) -> &'static str {
-        self.entry().0
-    }
-
     /// One line for `--help`.
     pub fn about(self) -> &'static str {
-        self.entry().1
-    }
-
-    /// Name and description.
-    fn entry(self) -> (&'static str, &'static str) {
-        match self {
-            Self::Auto => (
-                "auto",
-                "exact friction: apgs and others in turn; relaxed: apgd, and the interior point where that is better",
-            ),
-            Self::Jacobi => ("pj", "projected Jacobi (Tasora, Anitescu 2011)"),
-            Self::GaussSeidel => (
-                "pgs",
-                "projected Gauss-Seidel (Tasora, Anitescu 2011); pgs@1.3: with over-relaxation 1.3 (SOR)",
-            ),
-            Self::AcceleratedSweeps => ("apgs", "projected Gauss-Seidel with Nesterov's momentum"),
-            Self::Apgd => {
-                ("apgd", "accelerated projected gradient descent (Mazhar, Heyn, Negrut, Tasora 2015)")
-            }
-            Self::BarzilaiBorwein => {
-                ("bb", "projected Barzilai-Borwein gradient (Barzilai, Borwein 1988; Dai, Fletcher 2005)")
-            }
-            Self::Kucera => {
-                ("kucera", "projected conjugate gradients with expansion and proportioning (Kucera 2008)")
-            }
-            Self::SpectralProjectedGradient => {
-                ("spg", "preconditioned spectral projected gradient with fallback, P-SPG-FB (Heyn 2013)")
-            }
-            Self::GpMinres => {
-                ("gpminres", "gradient-projected minimum residual (Heyn, Anitescu, Tasora, Negrut 2013)")
-            }
-            Self::Scip => (
-                "scip",
-                "symmetric cone interior point (Kleinert, Simeon, Obermayr 2014); linear solver after a '+'",
-            ),
-            Self::Ipm => (
-                "ipm",
-                "projected gradients, Newton on the projection, interior point; ipm+LINEAR: the interior point alone",
-            ),
-            Self::PathFollowing => (
-                "path",
-                "follows the smoothed path of the exact friction problem around its folds, one sparse LU per step",
-            ),
-            Self::Pdip => (
-                "pdip",
-                "primal-dual interior point of the paper (Corona et al. 2019); linear solver after a '+'",
-            ),
-            Self::PdipLiteral => (
-                "pdip-literal",
-                "the same with the paper's own start, barrier and step rules, which stall on settled packings",
-            ),
-        }
+        self.row().2
     }
 
     /// Whether lists of solvers for users show it; the others are for experiments.
     pub fn is_listed(self) -> bool {
-        self != Self::PdipLiteral
+        self.row().0
     }
 
     /// Whether it solves linear systems, so that the name of a linear solver may follow a `+`.
@@ -155,16 +119,7 @@ impl Method {
     /// Whether it is compiled in: `auto`, `pgs`, `apgs`, `apgd`, `ipm` and `path` always, the others with the
     /// feature `paper`.
     pub fn is_available(self) -> bool {
-        let always = matches!(
-            self,
-            Self::Auto
-                | Self::GaussSeidel
-                | Self::AcceleratedSweeps
-                | Self::Apgd
-                | Self::Ipm
-                | Self::PathFollowing
-        );
-        cfg!(feature = "paper") || always
+        self.row().1
     }
 }
 
@@ -174,104 +129,44 @@ impl fmt::Display for Method {
     }
 }
 
-/// A linear solver of Newton systems (see [`crate::newton`]).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum LinearMethod {
-    /// `none`.
-    Plain,
-    /// `ilu`.
-    IncompleteLu,
-    /// `ic`.
-    IncompleteCholesky,
-    /// `schur-ic`.
-    SchurIncompleteCholesky,
-    /// `body-ic`.
-    BodyIncompleteCholesky,
-    /// `block-jacobi`.
-    BlockJacobi,
-    /// `cholesky`.
-    Cholesky,
-    /// `schur-cholesky`.
-    SchurCholesky,
-    /// `body-cholesky`.
-    BodyCholesky,
-    /// `body-cg`.
-    BodyCg,
-    /// `tt`.
-    TensorTrain,
-    /// `tt-schur`.
-    TensorTrainSchur,
-    /// `tt-cross`, or `tt-cross@ACCURACY:RANK`.
-    TensorTrainCross {
-        /// Accuracy of the compressed inverse, between 0 and 1.
-        accuracy: f64,
-        /// Largest rank, at least 1.
-        max_rank: usize,
-    },
-}
-
 /// Accuracy and rank cap of the paper's best preconditioner, that of a `tt-cross` without settings.
 const CROSS: (f64, usize) = (1e-2, 10);
 
+names! {
+    /// A linear solver of Newton systems (see [`crate::newton`]).
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    LinearMethod of (bool, bool):
+    Plain = "none", (LISTED, ALWAYS);
+    IncompleteLu = "ilu", (LISTED, ALWAYS);
+    IncompleteCholesky = "ic", (LISTED, ALWAYS);
+    SchurIncompleteCholesky = "schur-ic", (HIDDEN, ALWAYS);
+    BodyIncompleteCholesky = "body-ic", (HIDDEN, ALWAYS);
+    BlockJacobi = "block-jacobi", (LISTED, ALWAYS);
+    Cholesky = "cholesky", (LISTED, ALWAYS);
+    SchurCholesky = "schur-cholesky", (HIDDEN, ALWAYS);
+    BodyCholesky = "body-cholesky", (HIDDEN, ALWAYS);
+    BodyCg = "body-cg", (LISTED, ALWAYS);
+    TensorTrain = "tt", (LISTED, WITH_PAPER);
+    TensorTrainSchur = "tt-schur", (LISTED, WITH_PAPER);
+    /// With settings: `tt-cross@ACCURACY:RANK`.
+    TensorTrainCross {
+        /// Accuracy of the compressed inverse, between 0 and 1.
+        accuracy: f64 = CROSS.0,
+        /// Largest rank, at least 1.
+        max_rank: usize = CROSS.1
+    } = "tt-cross", (LISTED, WITH_PAPER);
+}
+
 impl LinearMethod {
-    /// Every linear solver, in the order of the documentation.
-    pub const ALL: [Self; 13] = [
-        Self::Plain,
-        Self::IncompleteLu,
-        Self::IncompleteCholesky,
-        Self::SchurIncompleteCholesky,
-        Self::BodyIncompleteCholesky,
-        Self::BlockJacobi,
-        Self::Cholesky,
-        Self::SchurCholesky,
-        Self::BodyCholesky,
-        Self::BodyCg,
-        Self::TensorTrain,
-        Self::TensorTrainSchur,
-        Self::TensorTrainCross { accuracy: CROSS.0, max_rank: CROSS.1 },
-    ];
-
-    /// Those that are compiled in.
-    pub fn available() -> impl Iterator<Item = Self> {
-        Self::ALL.into_iter().filter(|linear| linear.is_available())
-    }
-
-    /// Name after the `+`, without settings.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Plain => "none",
-            Self::IncompleteLu => "ilu",
-            Self::IncompleteCholesky => "ic",
-            Self::SchurIncompleteCholesky => "schur-ic",
-            Self::BodyIncompleteCholesky => "body-ic",
-            Self::BlockJacobi => "block-jacobi",
-            Self::Cholesky => "cholesky",
-            Self::SchurCholesky => "schur-cholesky",
-            Self::BodyCholesky => "body-cholesky",
-            Self::BodyCg => "body-cg",
-            Self::TensorTrain => "tt",
-            Self::TensorTrainSchur => "tt-schur",
-            Self::TensorTrainCross { .. } => "tt-cross",
-        }
-    }
-
     /// Whether lists of solvers for users show it: the halves of `ic` and `cholesky`, which choose between
     /// contact space and body space themselves, are for experiments.
     pub fn is_listed(self) -> bool {
-        !matches!(
-            self,
-            Self::SchurIncompleteCholesky
-                | Self::BodyIncompleteCholesky
-                | Self::SchurCholesky
-                | Self::BodyCholesky
-        )
+        self.row().0
     }
 
     /// Whether it is compiled in: those with a tensor train need the feature `paper`.
     pub fn is_available(self) -> bool {
-        let with_train =
-            matches!(self, Self::TensorTrain | Self::TensorTrainSchur | Self::TensorTrainCross { .. });
-        cfg!(feature = "paper") || !with_train
+        self.row().1
     }
 
     /// The linear solver that follows `method` and a `+`; `tt-cross@1e-3:100` is `tt-cross` at accuracy 1e-3
