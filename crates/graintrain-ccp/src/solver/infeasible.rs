@@ -69,16 +69,7 @@ use std::borrow::Cow;
 /// # Errors
 /// [`CcpError`] where the problem is not valid.
 pub fn certificate(problem: &Ccp) -> Result<Certificate, CcpError> {
-    certificate_within(problem, &SolveSettings::default())
-}
-
-/// [`certificate`] within the time, the Newton systems and the stop flag of these settings: what was found
-/// until then.
-///
-/// # Errors
-/// As [`certificate`].
-pub fn certificate_within(problem: &Ccp, settings: &SolveSettings) -> Result<Certificate, CcpError> {
-    found(problem, settings, &mut 0)
+    found(problem, &SolveSettings::default(), &mut 0)
 }
 
 /// The report on the impulses of a solve that ended with `status`: [`Status::Infeasible`] where there is a
