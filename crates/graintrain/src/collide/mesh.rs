@@ -363,12 +363,18 @@ impl TriangleTree {
             let is_back = candidate.side.is_none() && is_face && cosine < 0.0;
             touch.normal = if is_back { -candidate.toward } else { candidate.toward };
             let on_body = visitor.foremost_around(on_body, touch.normal);
-            touch.gap = touch.normal.dot(on_body - corners[0]);
+            let gap = touch.normal.dot(on_body - corners[0]);
+            let hair = LEVEL * visitor.shape.bounding_radius();
+            if touch.gap > 0.0 && gap < -hair {
+                // Behind the plane of a triangle that it is apart from, it is beside it.
+                return false;
+            }
+            touch.gap = gap;
             touch.point = on_body - 0.5 * touch.gap * touch.normal;
             let foot = on_body - touch.gap * touch.normal;
             let beside = (nearest_on_triangle(foot, corners).0 - foot).length();
             let way = if rise > LEVEL { apart } else { overlap };
-            is_face || way > 0.0 && beside <= way + LEVEL * visitor.shape.bounding_radius()
+            is_face || way > 0.0 && beside <= way + hair
         });
     }
 

@@ -2,12 +2,14 @@
 
 use crate::support::*;
 use graintrain::ccp::FrictionModel;
+use graintrain::collide::Collider;
 use graintrain::handle::MaterialId;
 use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
 use graintrain::stepper::{SolverChoice, StepError, StepSettings, Stepper};
 use graintrain::world::{Body, MassProperties, World};
+use rand::{RngExt, SeedableRng};
 use std::f64::consts::{PI, TAU};
 
 const BOTH: [FrictionModel; 2] = [FrictionModel::Relaxed, FrictionModel::Coulomb];
@@ -628,6 +630,113 @@ fn a_box_slides_off_a_solid_mesh_as_off_a_hull() {
         energies.push(world.kinetic_energy());
     }
     assert!((energies[1] / energies[0] - 1.0).abs() < 5e-3, "{energies:?}");
+}
+
+/// Edge of the squares of [`bumps`], m, and how many there are along an edge.
+const SQUARE: (f64, usize) = (6e-3, 10);
+
+/// Random heights over a grid around the origin, as triangles, and the height of the ground over (x, y).
+fn bumps(random: &mut rand_pcg::Pcg64) -> (Vec<Vec3>, Vec<[u32; 3]>, impl Fn(f64, f64) -> f64 + use<>) {
+    let (edge, count) = SQUARE;
+    let heights: Vec<Vec<f64>> =
+        (0..=count).map(|_| (0..=count).map(|_| random.random_range(-3.8e-3..3.8e-3)).collect()).collect();
+    let middle = 0.5 * edge * count as f64;
+    let place =
+        |i: usize, j: usize| Vec3::new(edge * i as f64 - middle, edge * j as f64 - middle, heights[i][j]);
+    let vertices =
+        (0..=count).flat_map(|i| (0..=count).map(move |j| (i, j))).map(|(i, j)| place(i, j)).collect();
+    let number = |i: usize, j: usize| (i * (count + 1) + j) as u32;
+    let squares = (0..count).flat_map(|i| (0..count).map(move |j| (i, j)));
+    let halves = |(i, j): (usize, usize)| {
+        let [a, b, c, d] = [number(i, j), number(i + 1, j), number(i + 1, j + 1), number(i, j + 1)];
+        [[a, b, d], [b, c, d]]
+    };
+    let triangles = squares.flat_map(halves).collect();
+    let height = move |x: f64, y: f64| {
+        let (x, y) = ((x + middle) / edge, (y + middle) / edge);
+        let (i, j) = (x as usize, y as usize);
+        let (x, y) = (x - i as f64, y - j as f64);
+        let at = |di: usize, dj: usize| heights[i + di][j + dj];
+        if x + y <= 1.0 {
+            at(0, 0) + x * (at(1, 0) - at(0, 0)) + y * (at(0, 1) - at(0, 0))
+        } else {
+            at(1, 1) + (1.0 - x) * (at(0, 1) - at(1, 1)) + (1.0 - y) * (at(1, 0) - at(1, 1))
+        }
+    };
+    (vertices, triangles, height)
+}
+
+/// Points of the surface of a solid of revolution of 5 mm about z, of radius r(z), or of a box, dense enough.
+fn surface(of: &str) -> Vec<Vec3> {
+    let steps = |count: i32| (0..=count).map(move |k| f64::from(k) / f64::from(count));
+    if of == "box" {
+        let sides = steps(40).flat_map(|s| steps(40).map(move |t| (2.0 * s - 1.0, 2.0 * t - 1.0)));
+        let faces =
+            |(s, t): (f64, f64)| [-1.0, 1.0].into_iter().flat_map(move |e| [[e, s, t], [s, e, t], [s, t, e]]);
+        return sides.flat_map(faces).map(|p| Vec3::from_array(p) * Vec3::new(6e-3, 4e-3, 0.5e-3)).collect();
+    }
+    let ring = |(radius, z): (f64, f64)| {
+        steps(120).map(move |share| {
+            let (sine, cosine) = (TAU * share).sin_cos();
+            Vec3::new(radius * cosine, radius * sine, z)
+        })
+    };
+    let profile = |share: f64| match of {
+        // Its centre of mass is a quarter of the height above its base.
+        "cone" => (5e-3 * (1.0 - share), 0.01 * share - 2.5e-3),
+        "disc" => (5e-3, 1e-3 * share - 0.5e-3),
+        _ => {
+            let (sine, cosine) = (TAU * (share.min(0.25) + (share - 0.75).max(0.0))).sin_cos();
+            (3e-3 * sine, -3e-3 * cosine + 0.016 * (share - 0.5).clamp(-0.25, 0.25))
+        }
+    };
+    let side: Vec<(f64, f64)> = steps(60).map(profile).collect();
+    let base = steps(20).map(|share| (5e-3 * share, profile(0.0).1));
+    side.into_iter().chain(base.filter(|_| of != "capsule")).flat_map(ring).collect()
+}
+
+/// What is apart from a bumpy sheet overlaps no triangle of it, however far contacts are looked for, and what
+/// it cuts overlaps one: the planes of triangles do not go on beside them.
+#[test]
+fn what_is_apart_from_a_bumpy_sheet_overlaps_none_of_its_triangles() {
+    let mut random = rand_pcg::Pcg64::seed_from_u64(5);
+    for (kind, form) in [
+        ("cone", Geometry::cone(0.01, 5e-3, 0.0)),
+        ("disc", Geometry::cylinder(0.5e-3, 5e-3)),
+        ("capsule", Geometry::capsule(4e-3, 3e-3)),
+        ("box", Geometry::cuboid(Vec3::new(6e-3, 4e-3, 0.5e-3))),
+    ] {
+        let (form, points) = (form.unwrap(), surface(kind));
+        let (mut apart, mut inside, mut missed) = (0, 0, 0);
+        for case in 0..1000 {
+            let (vertices, triangles, height) = bumps(&mut random);
+            let mut any = |size: f64| random.random_range(-size..size);
+            let orientation = Quat::from_scaled_axis(Vec3::new(any(PI), any(PI), any(PI)));
+            let place = Vec3::new(any(6e-3), any(6e-3), 6e-3 + any(6e-3));
+            let above = |p: &Vec3| {
+                let p = place + orientation * *p;
+                p.z - height(p.x, p.y)
+            };
+            let lowest = points.iter().map(above).fold(f64::INFINITY, f64::min);
+            let highest = points.iter().map(above).fold(f64::NEG_INFINITY, f64::max);
+            let mut world = world(0.3, 0.0);
+            add_surface(&mut world, vertices, triangles, Motion::fixed());
+            let form = world.add_geometry(form.clone());
+            world.add_body(Body { orientation, ..Body::new(form, MaterialId::default(), place) }).unwrap();
+            let contacts = Collider::default().contacts(&world, 0.015, 0.0);
+            let deepest = contacts.iter().map(|c| c.gap).fold(f64::INFINITY, f64::min);
+            // Between two of the points the ground rises by less than that.
+            if lowest > 4e-4 || highest < -4e-4 {
+                apart += 1;
+                assert!(deepest >= 0.0, "{kind} {case}: {lowest} {highest} {deepest}");
+            } else if (-1e-3..-1e-4).contains(&lowest) {
+                inside += 1;
+                missed += usize::from(deepest >= 0.0);
+            }
+        }
+        // Of a tip that is through the surface beside a ridge, the ways out lead over the ridge.
+        assert!(apart > 300 && inside > 30 && 50 * missed <= inside, "{kind}: {apart} {inside} {missed}");
+    }
 }
 
 /// A disc whose centre lies beyond the border of a sheet tips over it as over the edge of a box; a ball and a
