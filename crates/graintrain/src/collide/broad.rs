@@ -408,7 +408,7 @@ impl Collider {
             });
             for &slot in near.iter() {
                 let (slot, other) = (slot as usize, grid.body[slot as usize]);
-                let reach = radius + grid.radius[slot] + margin + sorted.approach(body, other as usize);
+                let reach = radius + grid.radius[slot] + margin + sorted.approach([body as u32, other]);
                 if (me.position - grid.centre[slot]).length_squared() <= reach * reach {
                     balls.push(other);
                 }
@@ -435,7 +435,7 @@ impl Collider {
                     .filter(|&other| similar || other as usize > body),
             );
             let near = sorted.unbounded.iter().filter(|other| {
-                other.may_touch(me.position, radius + margin + sorted.approach(body, other.body as usize))
+                other.may_touch(me.position, radius + margin + sorted.approach([body as u32, other.body]))
             });
             others.extend(near.map(|other| other.body));
         } else {
@@ -462,7 +462,14 @@ impl Collider {
             }
             touches.clear();
             let ([_, them], image) = self.placed_pair(world, pair);
-            let ahead = margin + sorted.approach(body, other as usize);
+            let far = FAST * me.form.size.min(them.form.size);
+            let is_fast =
+                sorted.may_travel(pair, far) && self.relative_travel(world, pair, search.step) > far;
+            let is_held = prescribed || world.is_prescribed(other as usize);
+            // What fast ones meet on their way is found apart.
+            let approach =
+                if is_fast { sorted.approach_at_rest(pair, is_held) } else { sorted.approach(pair) };
+            let ahead = margin + approach;
             match (me.form.ball, them.form.ball) {
                 (Some(r_a), Some(r_b)) => {
                     if search.meeting {
@@ -477,8 +484,7 @@ impl Collider {
                 _ => body_contacts(me, them, ahead, touches),
             }
             let first = contacts.len();
-            let far = FAST * me.form.size.min(them.form.size);
-            if sorted.may_travel(pair, far) && self.relative_travel(world, pair, search.step) > far {
+            if is_fast {
                 self.arrivals(world, pair, sorted.largest, search, touches, contacts);
             } else {
                 let closes = |touch: &&Touch| search.closes(world, pair, sorted.largest, touch);

@@ -54,9 +54,18 @@ impl Sorted {
     }
 
     /// How much nearer the two bodies may come within the step, m.
-    pub(super) fn approach(&self, a: usize, b: usize) -> f64 {
-        let (a, b) = (self.travel[a], self.travel[b]);
-        (a.relative + b.relative).max(a.own.max(b.own).min(self.largest))
+    pub(super) fn approach(&self, pair: [u32; 2]) -> f64 {
+        let [a, b] = pair.map(|body| self.travel[body as usize]);
+        (a.relative + b.relative).max(self.approach_at_rest(pair, false))
+    }
+
+    /// How much nearer they may come if one of them came to rest, unless one is held; beyond the size of the
+    /// largest body that does not count, m.
+    pub(super) fn approach_at_rest(&self, pair: [u32; 2], is_held: bool) -> f64 {
+        let [a, b] = pair.map(|body| self.travel[body as usize]);
+        let one = a.own.max(b.own);
+        let approach = if is_held { one.max(a.relative + b.relative) } else { one };
+        approach.min(self.largest)
     }
 
     /// How much nearer this body and any one of the grid may come within the step, m.

@@ -286,7 +286,7 @@ fn of_edges(side: &Side<'_>, envelope: f64, candidates: &mut Vec<Candidate>) {
 }
 
 impl Solid<'_> {
-    fn centre(self) -> Vec3 {
+    pub(super) fn centre(self) -> Vec3 {
         match self {
             Self::Placed { position, .. } => position,
             Self::Triangle { corners: [a, b, c], .. } => (a + b + c) / 3.0,

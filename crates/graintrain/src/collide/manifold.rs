@@ -25,7 +25,7 @@ pub(crate) enum Solid<'a> {
 
 impl<'a> Solid<'a> {
     /// In the frame whose origin is at `origin`.
-    fn seen_from(self, origin: Vec3) -> Self {
+    pub(super) fn seen_from(self, origin: Vec3) -> Self {
         match self {
             Self::Placed { shape, position, orientation } => {
                 Self::Placed { shape, position: position - origin, orientation }
@@ -34,7 +34,7 @@ impl<'a> Solid<'a> {
         }
     }
 
-    fn scaled(self, unit: f64) -> (Convex<'a>, Pose) {
+    pub(super) fn scaled(self, unit: f64) -> (Convex<'a>, Pose) {
         match self {
             Self::Placed { shape, position, orientation } => {
                 let pose = Pose::from_parts(position / unit, orientation);

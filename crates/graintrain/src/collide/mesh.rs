@@ -24,7 +24,7 @@ pub(crate) struct TriangleTree {
     /// edge know.
     shared: Vec<[u32; 3]>,
     /// Triangles around every vertex.
-    around: TrianglesAround,
+    at_vertex: TrianglesAround,
     tree: Bvh,
     sheets: Sheets,
 }
@@ -121,30 +121,20 @@ impl TriangleTree {
         };
         let corners: Vec<[Vec3; 3]> = triangles.iter().map(|t| t.map(|v| vertices[v as usize])).collect();
         let shared: Vec<[u32; 3]> = corners.iter().map(|t| t.map(&mut shared_number)).collect();
-        let around = TrianglesAround::new(&shared, numbers.len());
+        let at_vertex = TrianglesAround::new(&shared, numbers.len());
         let boxes: Vec<Aabb> =
             corners.iter().map(|t| Aabb::new(t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]))).collect();
         let tree = Bvh::from_leaves(BvhBuildStrategy::default(), &boxes);
         let sheets = Sheets::new(&shared, *solid);
-        Self { corners, shared, around, tree, sheets }
+        Self { corners, shared, at_vertex, tree, sheets }
     }
 
     /// Contacts with gap up to the envelope, in the mesh's frame, normals from the mesh to the visitor.
     pub(crate) fn contacts(&self, visitor: &Visitor<'_>, envelope: f64, touches: &mut Vec<Touch>) {
-        let reach = visitor.shape.bounding_radius() + envelope;
-        let around = Aabb::new(visitor.position - reach, visitor.position + reach);
-        let mut near: Vec<u32> = self.tree.intersect_aabb(&around).collect();
-        near.sort_unstable();
+        let near = self.around(visitor, envelope);
         let mut candidates: Vec<Candidate> = Vec::new();
         let sides = self.sheets.sides(&near, visitor.position, &self.corners, |triangle| self.face(triangle));
-        let [low, high] = [-1.0, 1.0].map(|sign| {
-            let farthest = |axis: Vec3| sign * (visitor.reach(sign * axis) + envelope);
-            visitor.position + Vec3::from_array(Vec3::AXES.map(farthest))
-        });
-        let is_met = |triangle: u32| {
-            let [a, b, c] = self.corners[triangle as usize];
-            a.max(b).max(c).cmpge(low).all() && a.min(b).min(c).cmple(high).all()
-        };
+        let is_met = self.meets(visitor, envelope);
         for (&triangle, &side) in near.iter().zip(&sides).filter(|(triangle, _)| is_met(**triangle)) {
             let first = candidates.len();
             self.triangle_contacts(triangle, visitor, side, envelope, &mut candidates);
@@ -155,6 +145,39 @@ impl TriangleTree {
         }
         let real = candidates.iter().filter(|c| self.is_real(c, &candidates, visitor));
         touches.extend(real.map(|c| c.touch));
+    }
+
+    /// The corners of the triangles that may be as near to a visitor as `envelope`, in the mesh's frame.
+    pub(super) fn near(&self, visitor: &Visitor<'_>, envelope: f64) -> Vec<[Vec3; 3]> {
+        let mut near = self.around(visitor, envelope);
+        near.retain(|&triangle| self.meets(visitor, envelope)(triangle));
+        near.into_iter().map(|triangle| self.corners[triangle as usize]).collect()
+    }
+
+    /// Whether it encloses a volume.
+    pub(super) fn is_closed(&self) -> bool {
+        self.sheets.is_closed()
+    }
+
+    /// Triangles in the box around the ball around a visitor, ascending.
+    fn around(&self, visitor: &Visitor<'_>, envelope: f64) -> Vec<u32> {
+        let reach = visitor.shape.bounding_radius() + envelope;
+        let around = Aabb::new(visitor.position - reach, visitor.position + reach);
+        let mut near: Vec<u32> = self.tree.intersect_aabb(&around).collect();
+        near.sort_unstable();
+        near
+    }
+
+    /// Whether a triangle reaches into the box around a visitor.
+    fn meets(&self, visitor: &Visitor<'_>, envelope: f64) -> impl Fn(u32) -> bool {
+        let [low, high] = [-1.0, 1.0].map(|sign| {
+            let farthest = |axis: Vec3| sign * (visitor.reach(sign * axis) + envelope);
+            visitor.position + Vec3::from_array(Vec3::AXES.map(farthest))
+        });
+        move |triangle| {
+            let [a, b, c] = self.corners[triangle as usize];
+            a.max(b).max(c).cmpge(low).all() && a.min(b).min(c).cmple(high).all()
+        }
     }
 
     fn triangle_contacts(
@@ -290,7 +313,7 @@ impl TriangleTree {
     fn sharing<'a>(&'a self, triangle: u32, corners: &'a [u32]) -> impl Iterator<Item = u32> + 'a {
         let (first, rest) = corners.split_first().expect("an edge or a corner");
         let has_all = |other: u32| rest.iter().all(|v| self.shared[other as usize].contains(v));
-        self.around.of(*first).iter().copied().filter(move |&other| other != triangle && has_all(other))
+        self.at_vertex.of(*first).iter().copied().filter(move |&other| other != triangle && has_all(other))
     }
 
     /// The edge or corner over which the way from a point along a direction leaves the triangle; `Face` where

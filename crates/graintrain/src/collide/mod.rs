@@ -16,6 +16,7 @@
 //! | `corners`, `edges` | points of corners and edges that both leave out |
 //! | `polish` | the exact normal of a contact of a cylinder or cone, from the library's nearly exact one |
 //! | `reduce` | the contacts that a patch needs: four, up to eight where four do not hold the others |
+//! | `separation` | planes between convex bodies |
 //! | `sweep` | when fast bodies meet within a step, and the contact that lets them arrive |
 //! | `union` | what overlapping parts of a compound have in common |
 //! | [`places`] | whether there is room for another body |
@@ -42,6 +43,7 @@ mod reduce;
 #[cfg(test)]
 mod sampled_motions;
 mod search;
+mod separation;
 mod sheets;
 pub(crate) mod sweep;
 pub(crate) mod triangle;

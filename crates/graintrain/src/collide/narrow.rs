@@ -58,16 +58,16 @@ pub(crate) struct Placed<'a> {
 }
 
 /// A part of a body in the world.
-struct PlacedPart<'a> {
-    shape: &'a Shape,
-    tree: Option<&'a TriangleTree>,
-    radius: f64,
-    position: Vec3,
-    orientation: Quat,
+pub(super) struct PlacedPart<'a> {
+    pub shape: &'a Shape,
+    pub tree: Option<&'a TriangleTree>,
+    pub radius: f64,
+    pub position: Vec3,
+    pub orientation: Quat,
 }
 
 impl<'a> Placed<'a> {
-    fn part(&self, index: usize) -> PlacedPart<'a> {
+    pub(super) fn part(&self, index: usize) -> PlacedPart<'a> {
         let part = &self.form.geometry.parts[index];
         PlacedPart {
             shape: &part.shape,
@@ -79,16 +79,17 @@ impl<'a> Placed<'a> {
     }
 }
 
-/// Contacts of one part of A with one part of B with gap up to the envelope, unreduced.
-pub(super) fn contacts_of_parts(
-    a: Placed<'_>,
-    part_a: usize,
-    b: Placed<'_>,
-    part_b: usize,
-    envelope: f64,
-    touches: &mut Vec<Touch>,
-) {
-    part_contacts(&a.part(part_a), &b.part(part_b), envelope, touches);
+impl<'a> PlacedPart<'a> {
+    pub(super) fn solid(&self) -> Solid<'a> {
+        Solid::Placed { shape: self.shape, position: self.position, orientation: self.orientation }
+    }
+
+    /// As the mesh that `of` is sees it.
+    pub(super) fn visitor(&self, of: &PlacedPart<'_>) -> Visitor<'a> {
+        let inverse = of.orientation.conjugate();
+        let position = inverse * (self.position - of.position);
+        Visitor { shape: self.shape, position, orientation: inverse * self.orientation }
+    }
 }
 
 /// Contacts of bodies A and B with gap up to the envelope, reduced to what each patch needs, ordered by
@@ -122,8 +123,8 @@ pub(crate) fn body_contacts(a: Placed<'_>, b: Placed<'_>, envelope: f64, touches
     touches.sort_by_key(|touch| touch.feature);
 }
 
-/// Contacts of two parts, normals from B to A.
-fn part_contacts(a: &PlacedPart<'_>, b: &PlacedPart<'_>, envelope: f64, touches: &mut Vec<Touch>) {
+/// Contacts of two parts with gap up to the envelope, normals from B to A, unreduced.
+pub(super) fn part_contacts(a: &PlacedPart<'_>, b: &PlacedPart<'_>, envelope: f64, touches: &mut Vec<Touch>) {
     if is_second(a.shape, b.shape) {
         ordered_contacts(a, b, envelope, touches);
     } else {
@@ -158,8 +159,7 @@ fn ordered_contacts(a: &PlacedPart<'_>, b: &PlacedPart<'_>, envelope: f64, touch
     match (a.shape, b.shape) {
         (_, Shape::Mesh(_)) => {
             let Some(tree) = b.tree else { return };
-            let visitor = Visitor { shape: a.shape, position, orientation: inverse * a.orientation };
-            tree.contacts(&visitor, envelope, touches);
+            tree.contacts(&a.visitor(b), envelope, touches);
         }
         (_, Shape::Plane(HalfSpace)) => {
             let rotation = Mat3::from_quat(inverse * a.orientation);
@@ -179,15 +179,10 @@ fn ordered_contacts(a: &PlacedPart<'_>, b: &PlacedPart<'_>, envelope: f64, touch
             let borders = solid.form().crossings(position, half_axis);
             capsule_contacts(position, half_axis, radius, distance, &borders, envelope, touches);
         }
-        (shape_a, shape_b) => {
-            let solid = |part: &PlacedPart<'_>, shape| Solid::Placed {
-                shape,
-                position: part.position,
-                orientation: part.orientation,
-            };
+        _ => {
             let (unit, origin) =
                 if a.radius < b.radius { (a.radius, a.position) } else { (b.radius, b.position) };
-            manifold_contacts(solid(a, shape_a), solid(b, shape_b), unit, origin, envelope, touches);
+            manifold_contacts(a.solid(), b.solid(), unit, origin, envelope, touches);
             return;
         }
     }

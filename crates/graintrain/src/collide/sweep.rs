@@ -4,20 +4,26 @@
 //! distance d apart, they close it at most at a known rate, so they do not touch before t + d / rate. Bodies
 //! move as the step moves them: x + t u, exp(t w / 2) Q. For convex parts with nearest points along n the
 //! rate is `-n . (u_A - u_B) + |w_A x n| R_A + |w_B x n| R_B`, R the distance of a part's farthest point from
-//! its body's centre: the plane between them with normal n keeps the bodies apart for as long. For a mesh it
-//! is `|u_A - u_B| + |w_A| R_A + |w_B| R_B`. Two balls, and a ball and a plane that does not turn, have
-//! closed forms.
+//! its body's centre: the plane between them with normal n keeps the bodies apart for as long
+//! ([`separation`]). A mesh is met triangle by triangle. Two balls, and a ball and a plane that does not
+//! turn, have closed forms.
 //!
 //! **Contact.** See [`arrivals`].
 
-use super::narrow::{Placed, body_contacts, contacts_of_parts};
+use super::manifold::Solid;
+use super::mesh::TriangleTree;
+use super::narrow::{Placed, PlacedPart, body_contacts, part_contacts};
 use super::reduce::Touch;
+use super::separation::separation;
 use crate::math::{Vec3, rotation_exponential};
 use crate::shape::{HalfSpace, Shape};
 
 /// Poses looked at per pair of parts at most. What is then left of the gap is part of the contact; the time
 /// is too early.
 const POSES: usize = 256;
+
+/// Chords of a gap looked at per pose at most.
+const CHORDS: usize = 6;
 
 /// Parts touch at a gap of this fraction of the smaller one's size.
 const TOUCHING: f64 = 1e-7;
@@ -44,9 +50,9 @@ pub(crate) struct Arrival {
 
 /// When bodies A and B with constant velocities (u, w), m/s and rad/s in world axes, first touch within
 /// `step` seconds; `None` if they do not. Bodies that overlap touch at time 0. Contacts with gap up to the
-/// envelope, m, at the poses of that time come with it. Cost: one narrow phase per pose, at most 256 per pair
-/// of parts; a few for bodies that do not spin. A mesh is looked at all around the body as far as it may
-/// travel.
+/// envelope, m, at the poses of that time come with it. Cost: one plane between them per pose, at most 256
+/// per pair of parts, a few for bodies that do not spin; one narrow phase where they meet. A mesh is looked
+/// at all around the body as far as it may travel.
 pub(crate) fn time_of_impact(
     a: Placed<'_>,
     b: Placed<'_>,
@@ -210,76 +216,164 @@ struct Pair<'a> {
 
 impl Pair<'_> {
     fn time_of_impact(&self, step: f64) -> Option<f64> {
-        // Distance of the farthest point from the body's centre, which may lie outside the part.
-        let reach: [f64; 2] = std::array::from_fn(|k| {
-            let form = self.bodies[k].form;
-            form.geometry.parts[self.parts[k]].position.length() + form.part_radius[self.parts[k]]
-        });
-        let size: f64 =
-            (0..2).map(|k| self.bodies[k].form.part_radius[self.parts[k]]).fold(f64::INFINITY, f64::min);
-        if !size.is_finite() {
+        let parts = self.placed_parts(0.0);
+        if !self.size().is_finite() {
             return None;
         }
-        let has_mesh = (0..2).any(|k| self.bodies[k].form.trees[self.parts[k]].is_some());
-        let target = self.reach.unwrap_or(0.0);
-        let tolerance = target + TOUCHING * size;
-        let (mut time, mut before) = (0.0, 0.0);
-        // How far apart the parts are at most.
-        let mut within = f64::INFINITY;
-        let mut touches = Vec::new();
-        for _ in 0..POSES {
-            let poses: [Placed<'_>; 2] =
-                std::array::from_fn(|k| advanced(self.bodies[k], self.velocities[k], time));
-            let fastest = self.rate(None, &reach, &poses, step - time);
-            let whole = fastest * (step - time);
-            // All triangles as far as the body may travel would be many.
-            let most = if has_mesh { (8.0 * size).max(whole / 16.0) } else { f64::INFINITY };
-            let ahead = whole.min(most).min(within);
-            touches.clear();
-            contacts_of_parts(
-                poses[0],
-                self.parts[0],
-                poses[1],
-                self.parts[1],
-                ahead + tolerance,
-                &mut touches,
-            );
-            let Some(nearest) = touches.iter().min_by(|x, y| x.gap.total_cmp(&y.gap)) else {
-                if ahead >= whole {
-                    return None;
+        match parts.each_ref().map(|part| part.tree) {
+            [None, None] => self.advance(None, [0.0, step]),
+            [Some(tree), None] if parts[1].radius.is_finite() => self.meets_mesh((0, tree), step),
+            [None, Some(tree)] if parts[0].radius.is_finite() => self.meets_mesh((1, tree), step),
+            _ => None,
+        }
+    }
+
+    /// Triangle by triangle; of those within some sizes at a time, or all that lie around a long way would be
+    /// many.
+    fn meets_mesh(&self, (mesh, tree): (usize, &TriangleTree), step: f64) -> Option<f64> {
+        let whole = self.rate(None, &self.placed(0.0), step) * step;
+        let spans = (whole / (8.0 * self.size())).clamp(1.0, 16.0).ceil();
+        for span in 0..spans as u32 {
+            let [from, until] = [0, 1].map(|end| step * f64::from(span + end) / spans);
+            let parts = self.placed_parts(from);
+            let visitor = parts[1 - mesh].visitor(&parts[mesh]);
+            // What lies in a closed mesh may be far from all triangles.
+            if from == 0.0 && tree.is_closed() {
+                let mut touches = Vec::new();
+                part_contacts(&parts[0], &parts[1], self.touching(), &mut touches);
+                if !touches.is_empty() {
+                    return Some(0.0);
                 }
-                before = time;
-                time += ahead / fastest;
-                within = f64::INFINITY;
-                continue;
+            }
+            let near = tree.near(&visitor, whole / spans + self.touching());
+            let first = |earliest: Option<f64>, corners: &[Vec3; 3]| {
+                self.advance(Some((mesh, corners)), [from, earliest.unwrap_or(until)]).or(earliest)
             };
-            if nearest.gap <= tolerance {
-                // Too far, where a distance was not exact: back half of the way.
-                if self.reach.is_none() && nearest.gap < -tolerance && time - before > 1e-12 * step {
-                    time = 0.5 * (before + time);
-                    within = f64::INFINITY;
-                    continue;
-                }
+            if let Some(time) = near.iter().fold(None, first) {
                 return Some(time);
             }
-            let along = if has_mesh { None } else { Some(nearest.normal) };
-            let rate = self.rate(along, &reach, &poses, step - time);
-            let wait = (nearest.gap - target) / rate;
-            if rate <= 0.0 || time + wait > step {
-                return None;
+        }
+        None
+    }
+
+    /// When convex parts, or one and a triangle of the other, are first so near, s.
+    fn advance(&self, triangle: Option<(usize, &[Vec3; 3])>, [from, until]: [f64; 2]) -> Option<f64> {
+        let touching = self.touching();
+        let mut time = from;
+        for _ in 0..POSES {
+            let bodies = self.placed(time);
+            let parts = self.placed_parts(time);
+            let mut solids = parts.each_ref().map(PlacedPart::solid);
+            if let Some((mesh, corners)) = triangle {
+                let PlacedPart { position, orientation, .. } = parts[mesh];
+                let corners = corners.map(|corner| position + orientation * corner);
+                solids[mesh] = Solid::Triangle { corners, open: [false; 3] };
             }
-            before = time;
-            time += wait;
-            if has_mesh {
-                within = nearest.gap + fastest * wait;
-            }
+            let smaller = if parts[0].radius < parts[1].radius { 0 } else { 1 };
+            let (unit, origin) = (parts[smaller].radius, parts[smaller].position);
+            let far = self.rate(None, &bodies, until - time) * (until - time) + touching;
+            let apart = separation(solids, unit, origin, far).filter(|(gap, _)| *gap > touching);
+            let Some((gap, normal)) = apart else { return Some(time) };
+            time += self.wait((gap, normal), (bodies, solids), until - time)?;
         }
         Some(time)
     }
 
+    /// How long a plane with this normal keeps the solids as far apart as they have to be, nearly, s; `None`
+    /// if in all of `rest`, s. At time tau points of A have moved along n by no less than
+    /// `tau n . (u + w x r) - tau^2 |n x w| |w| R / 2`, so that the gap along n is at least
+    ///
+    /// ```text
+    /// G(tau) = min over A of n . x + tau (n . u_A + (n x w_A) . r_A) - (max over B of the same)
+    ///          - tau^2 (|n x w_A| |w_A| R_A + |n x w_B| |w_B| R_B) / 2,
+    /// ```
+    ///
+    /// a concave function: a chord of it lies below it.
+    fn wait(
+        &self,
+        (gap, n): (f64, Vec3),
+        (bodies, solids): ([Placed<'_>; 2], [Solid<'_>; 2]),
+        rest: f64,
+    ) -> Option<f64> {
+        let target = self.reach.unwrap_or(0.0);
+        let rate = self.rate(Some(n), &bodies, rest);
+        if rate * rest <= gap - target {
+            return None;
+        }
+        let wait = (gap - target) / rate;
+        let arms = self.arms();
+        let turns = |k: usize| self.velocities[k][1] != Vec3::ZERO;
+        if (0..2).any(|k| turns(k) && !arms[k].is_finite()) {
+            return Some(wait);
+        }
+        // How far the foremost points of each have moved along n at least, away from the other.
+        let moved = |k: usize, tau: f64| {
+            let ([u, w], sign) = (self.velocities[k], [1.0, -1.0][k]);
+            let turn = tau * n.cross(w);
+            let turned = if turns(k) {
+                let bend = 0.5 * tau * turn.length() * w.length() * arms[k];
+                let farther = solids[k].reach(-sign * (n + turn)) - solids[k].reach(-sign * n);
+                -farther - sign * turn.dot(bodies[k].position) - bend
+            } else {
+                0.0
+            };
+            sign * tau * n.dot(u) + turned
+        };
+        let above = |tau: f64| gap - target + moved(0, tau) + moved(1, tau);
+        let (mut kept, mut lost) = ((wait, above(wait)), (rest, above(rest)));
+        if lost.1 >= 0.0 {
+            return None;
+        }
+        for _ in 0..CHORDS {
+            if kept.1 <= 0.0 {
+                break;
+            }
+            let chord = (lost.0 - kept.0) * kept.1 / (kept.1 - lost.1);
+            for tau in [kept.0 + chord, kept.0 + 2.0 * chord] {
+                if tau < lost.0 {
+                    let height = above(tau);
+                    *(if height >= 0.0 { &mut kept } else { &mut lost }) = (tau, height);
+                }
+            }
+            if lost.0 - kept.0 < 0.01 * lost.0 {
+                break;
+            }
+        }
+        Some(kept.0)
+    }
+
+    /// Distance of the farthest point of each part from the centre of its body, which may lie outside it, m.
+    fn arms(&self) -> [f64; 2] {
+        std::array::from_fn(|k| {
+            let form = self.bodies[k].form;
+            form.geometry.parts[self.parts[k]].position.length() + form.part_radius[self.parts[k]]
+        })
+    }
+
+    /// The bodies, and the parts, after some time.
+    fn placed(&self, time: f64) -> [Placed<'_>; 2] {
+        std::array::from_fn(|k| advanced(self.bodies[k], self.velocities[k], time))
+    }
+
+    fn placed_parts(&self, time: f64) -> [PlacedPart<'_>; 2] {
+        let bodies = self.placed(time);
+        std::array::from_fn(|k| bodies[k].part(self.parts[k]))
+    }
+
+    /// Radius of the ball around the smaller part, m.
+    fn size(&self) -> f64 {
+        (0..2).map(|k| self.bodies[k].form.part_radius[self.parts[k]]).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The gap at which the parts are near enough, m.
+    fn touching(&self) -> f64 {
+        self.reach.unwrap_or(0.0) + TOUCHING * self.size()
+    }
+
     /// How fast the parts may come nearer, m/s, during the next `remaining` seconds: along a normal that
     /// separates them, or at all.
-    fn rate(&self, along: Option<Vec3>, reach: &[f64; 2], poses: &[Placed<'_>; 2], remaining: f64) -> f64 {
+    fn rate(&self, along: Option<Vec3>, poses: &[Placed<'_>; 2], remaining: f64) -> f64 {
+        let reach = self.arms();
         let [[u_a, w_a], [u_b, w_b]] = self.velocities;
         let approach = u_a - u_b;
         // A turning plane: its points near the other body, wherever that goes in the time that remains.
