@@ -23,6 +23,9 @@ const FINE: f64 = 1e-11;
 /// Joints that open faster than this, over the velocity scale, after all corrections are stuck.
 const STUCK: f64 = 1e-6;
 
+/// A path on which a mechanism would move so many times as fast as straight on is another one.
+const LEAP: f64 = 2.0;
+
 /// Forces that differ by less than this share stiffen swings alike.
 const SAME_FORCES: f64 = 0.1;
 
@@ -251,8 +254,9 @@ impl Mechanisms<'_> {
         let fine = FINE * self.scale;
         for index in 0..self.mechanisms.len() {
             let mut settles = self.settle(index, impulse, fine);
-            if !settles && self.is_open(index, impulse, STUCK * self.scale) {
-                // Corrections that lead nowhere must not drive it.
+            let is_lost = !settles && self.is_open(index, impulse, STUCK * self.scale);
+            if is_lost || self.leaps(index, impulse) {
+                // Corrections that lead nowhere, or somewhere else, must not drive it.
                 let mechanism = &mut self.mechanisms[index];
                 mechanism.is_straight = true;
                 mechanism.rows.iter_mut().for_each(|row| row.target = row.wanted);
@@ -260,6 +264,30 @@ impl Mechanisms<'_> {
             }
             self.mechanisms[index].is_undecided = !settles;
         }
+    }
+
+    /// Whether the path of a mechanism is not the one on which it is: it would have to move much faster than
+    /// its rows at the start of the step let it.
+    fn leaps(&mut self, index: usize, impulse: &[f64]) -> bool {
+        let momentum = |own: &Self| {
+            let mechanism = &own.mechanisms[index];
+            let Solution { velocity, .. } = own.solve(mechanism, impulse);
+            let energy = |(&body, v): (&u32, &[f64])| {
+                let [u, w] = [0, 3].map(|first| Vec3::from_slice(&v[first..first + 3]));
+                let [p, l] = own.momentum(body as usize, [u, w]);
+                p.dot(u) + l.dot(w)
+            };
+            mechanism.bodies.iter().zip(velocity.chunks_exact(6)).map(energy).sum::<f64>()
+        };
+        let on_path = momentum(self);
+        let known: Vec<f64> = self.mechanisms[index].rows.iter().map(|row| row.target).collect();
+        self.mechanisms[index].rows.iter_mut().for_each(|row| row.target = row.wanted);
+        let straight = momentum(self);
+        self.mechanisms[index].rows.iter_mut().zip(known).for_each(|(row, target)| row.target = target);
+        let bodies = &self.mechanisms[index].bodies;
+        let mass: f64 = bodies.iter().map(|&body| self.world.bodies.mass[body as usize]).sum();
+        let rest = mass * (STUCK * self.yardstick).powi(2);
+        on_path > LEAP * LEAP * (straight + rest)
     }
 
     /// Whether of some mechanism it was not found what its motors and stops do.
