@@ -5,9 +5,11 @@
 //! `n . x = h` be the plane of a rigid contact of body A with B, and let body C lie below it, `n . x <= h`
 //! for all of its points. Where A stays above that plane, as its contact with B sees to, A does not meet C:
 //! the contact with C is left out. A ball stays above a plane that holds it in one point, a capsule or
-//! cylinder that lies on it above one that holds it on both sides of where it might meet C. Bodies of several
-//! parts and images in a periodic cell are not looked at; of what lies askew to an edge some contacts stay. A
-//! body C that begins to rise in the step is met one step late, or as soon as it overlaps.
+//! cylinder that lies on it above one that holds it on both sides of where it might meet C, a box, hull or
+//! cone above one that holds it in points between which it might meet C, or there. Bodies of several parts,
+//! boxes, hulls and cones on bodies that are not driven, and images in a periodic cell are not looked at; of
+//! what lies askew to an edge some contacts stay. A body C that begins to rise in the step is met one step
+//! late, or as soon as it overlaps.
 
 use crate::collide::Collider;
 use crate::contact::Contact;
@@ -21,22 +23,28 @@ const LEVEL: f64 = 1e-6;
 /// Sine of an angle between normals that are the same.
 const PARALLEL: f64 = 1e-6;
 
-/// A plane that holds a capsule or cylinder this near to an end, over half its length, holds the end.
+/// A plane that holds a body this near to a place, over half a capsule's or cylinder's length or the smaller
+/// one's size, holds it there.
 const END: f64 = 0.01;
+
+/// How far a circle bulges beyond a square in it, over its radius.
+const ARC: f64 = 0.3;
 
 /// Sine of an angle up to which a capsule or cylinder lies on a plane.
 const LYING: f64 = 0.1;
 
-/// A contact as its round body has it.
+/// A contact as that of its bodies has it that may be held off the other.
 struct Side {
     contact: usize,
-    round: usize,
+    own: usize,
     /// The other body.
     other: usize,
-    /// From the other body to the round one.
+    /// From the other body to its own one.
     normal: Vec3,
     /// The point of the other body's surface, m.
     point: Vec3,
+    /// The point of its own body's surface, m.
+    own_point: Vec3,
 }
 
 impl Side {
@@ -70,15 +78,15 @@ impl Cover<'_> {
     /// The contacts that others cover, ascending.
     fn covered(&self) -> Vec<usize> {
         let (world, contacts) = (self.world, self.contacts);
-        let is_round: Vec<bool> =
-            (0..world.bodies.len()).into_par_iter().map(|body| is_round(world, body)).collect();
+        let kinds: Vec<Kind> =
+            (0..world.bodies.len()).into_par_iter().map(|body| Kind::of(world, body)).collect();
         let side = |index: usize| {
             let contact = &contacts[index];
-            let [a, b] = [contact.body_a, contact.body_b].map(|body| is_round[body as usize]);
+            let [a, b] = [contact.body_a, contact.body_b].map(|body| kinds[body as usize]);
             if a == b || contact.image != [0; 3] {
                 return None;
             }
-            let (round, other, sign) = if a {
+            let (own, other, sign) = if a < b {
                 (contact.body_a, contact.body_b, 1.0)
             } else {
                 (contact.body_b, contact.body_a, -1.0)
@@ -86,18 +94,19 @@ impl Cover<'_> {
             let normal = sign * contact.normal;
             let to_surface =
                 if contact.lead == Vec3::ZERO { 0.5 * contact.gap * normal } else { sign * contact.lead };
-            let (point, other) = (contact.point - to_surface, other as usize);
-            Some(Side { contact: index, round: round as usize, other, normal, point })
+            let [point, own_point] = [-1.0, 1.0].map(|side| contact.point + side * to_surface);
+            let (own, other) = (own as usize, other as usize);
+            Some(Side { contact: index, own, other, normal, point, own_point })
         };
         let mut sides: Vec<Side> = (0..contacts.len()).into_par_iter().filter_map(side).collect();
-        sides.sort_by_key(|side| (side.round, side.contact));
-        let groups: Vec<&[Side]> = sides.chunk_by(|a, b| a.round == b.round).collect();
+        sides.sort_by_key(|side| (side.own, side.contact));
+        let groups: Vec<&[Side]> = sides.chunk_by(|a, b| a.own == b.own).collect();
         let mut covered: Vec<usize> = groups.par_iter().flat_map_iter(|sides| self.of_body(sides)).collect();
         covered.sort_unstable();
         covered
     }
 
-    /// Those of the contacts of a round body that others cover, none of which is covered itself.
+    /// Those of the contacts of a body that others cover, none of which is covered itself.
     fn of_body(&self, sides: &[Side]) -> Vec<usize> {
         let (world, contacts) = (self.world, self.contacts);
         let is_rigid = |side: &Side| {
@@ -116,7 +125,7 @@ impl Cover<'_> {
         loop {
             let open = (0..sides.len()).find(|&k| {
                 let kept = planes[k].iter().filter(|&&k| !covered[k]).map(|&k| &sides[k]);
-                covered[k] && !is_held(world, &sides[k], &kept.collect::<Vec<_>>())
+                covered[k] && !self.is_held(&sides[k], &kept.collect::<Vec<_>>())
             });
             match open {
                 Some(k) => covered[k] = false,
@@ -145,32 +154,97 @@ impl Cover<'_> {
             + spin(plane.other).length() * (centre - plane.point).length();
         plane.height(centre) + reach + self.step * rises.max(0.0) <= tolerance
     }
-}
 
-/// Whether a body is one ball, capsule or cylinder.
-fn is_round(world: &World, body: usize) -> bool {
-    let parts = &world.geometries[world.bodies.geometry[body].index()].parts;
-    matches!(parts.as_slice(), [part] if part.shape.form().half_axis().is_some())
-        && !world.is_prescribed(body)
-}
-
-/// Whether these planes, of which some are the same, hold a round body where it might meet the other one.
-fn is_held(world: &World, side: &Side, planes: &[&Side]) -> bool {
-    let part = &world.geometries[world.bodies.geometry[side.round].index()].parts[0];
-    let Some(half_length) = part.shape.form().half_axis().filter(|half_length| *half_length > 0.0) else {
-        return !planes.is_empty();
-    };
-    let (turn, centre) = (world.bodies.orientation[side.round], world.bodies.position[side.round]);
-    let (axis, centre) = (turn * (part.orientation * Vec3::Z), centre + turn * part.position);
-    let tolerance = END * half_length;
-    // Of the segment that the body is about; beyond its ends there is nothing that could meet.
-    let along = |of: &Side| axis.dot(of.point - centre).clamp(-half_length, half_length);
-    planes.iter().any(|first| {
-        planes.iter().any(|second| {
-            first.normal.cross(second.normal).length() <= PARALLEL
-                && along(first) <= along(side) + tolerance
-                && along(side) <= along(second) + tolerance
-                && axis.dot(first.normal).abs() <= LYING
+    /// Whether these planes, of which some are the same, hold a body where it might meet the other one.
+    fn is_held(&self, side: &Side, planes: &[&Side]) -> bool {
+        let world = self.world;
+        let part = &world.geometries[world.bodies.geometry[side.own].index()].parts[0];
+        let form = part.shape.form();
+        let half_length = form.half_axis();
+        if half_length == Some(0.0) {
+            return !planes.is_empty();
+        }
+        let (turn, centre) = (world.bodies.orientation[side.own], world.bodies.position[side.own]);
+        let (axis, centre) = (turn * (part.orientation * Vec3::Z), centre + turn * part.position);
+        let size = self.collider.contact_size(world, &self.contacts[side.contact]);
+        let beyond = if form.is_of_revolution() { ARC * form.reach(Vec3::X) } else { END * size };
+        planes.iter().any(|plane| {
+            let mut same =
+                planes.iter().filter(|other| other.normal.cross(plane.normal).length() <= PARALLEL);
+            match half_length {
+                Some(half_length) if axis.dot(plane.normal).abs() <= LYING => {
+                    // Of the segment that the body is about; beyond its ends there is nothing that could
+                    // meet.
+                    let along = |of: &Side| axis.dot(of.point - centre).clamp(-half_length, half_length);
+                    let (at, tolerance) = (along(side), END * half_length);
+                    along(plane) <= at + tolerance && same.any(|other| at <= along(other) + tolerance)
+                }
+                _ => {
+                    let points: Vec<Vec3> = same.map(|other| other.own_point).collect();
+                    beside(side.own_point, &points, plane.normal) <= beyond
+                }
+            }
         })
-    })
+    }
+}
+
+/// What a body may be held off: bodies of a later kind.
+#[derive(Clone, Copy, PartialEq, PartialOrd)]
+enum Kind {
+    /// One ball, capsule or cylinder.
+    Round,
+    /// One convex part.
+    Convex,
+    /// What is driven, and all others.
+    Support,
+}
+
+impl Kind {
+    fn of(world: &World, body: usize) -> Self {
+        let parts = &world.geometries[world.bodies.geometry[body].index()].parts;
+        match parts.as_slice() {
+            _ if world.is_prescribed(body) => Self::Support,
+            [part] if part.shape.form().half_axis().is_some() => Self::Round,
+            [part] if part.shape.half_thickness().is_finite() => Self::Convex,
+            _ => Self::Support,
+        }
+    }
+}
+
+/// How far a point is from the convex hull of others, all of a plane with this normal, m.
+fn beside(point: Vec3, others: &[Vec3], normal: Vec3) -> f64 {
+    let all: Vec<Vec3> = others.iter().map(|other| (*other - point).reject_from_normalized(normal)).collect();
+    let turns = |p: Vec3, q: Vec3| normal.dot(p.cross(q)) > 0.0;
+    let surround = |p: Vec3, q: Vec3, r: Vec3| turns(p, q) && turns(q, r) && turns(r, p);
+    let to_segment = |p: Vec3, q: Vec3| {
+        let share = p.dot(p - q) / (q - p).length_squared();
+        (p + if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) } * (q - p)).length()
+    };
+    let pairs = || all.iter().flat_map(|p| all.iter().map(move |q| (*p, *q)));
+    if pairs().any(|(p, q)| turns(p, q) && all.iter().any(|r| surround(p, q, *r))) {
+        return 0.0;
+    }
+    pairs().map(|(p, q)| to_segment(p, q)).fold(f64::INFINITY, f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Inside a square, on its edge, beside an edge and a corner; of two points and of one; over the plane.
+    #[test]
+    fn beside_is_the_distance_to_the_hull() {
+        let square = [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (0.2, 0.1)];
+        let square: Vec<Vec3> = square.map(|(x, y)| Vec3::new(x, y, 0.3)).into();
+        let cases = [((0.9, -0.4), 0.0), ((1.0, 0.5), 0.0), ((1.5, 0.5), 0.5), ((4.0, 5.0), 5.0)];
+        for ((x, y), expected) in cases {
+            let point = Vec3::new(x, y, -2.0);
+            assert!((beside(point, &square, Vec3::Z) - expected).abs() < 1e-15, "{point}");
+            assert!((beside(point, &square, -Vec3::Z) - expected).abs() < 1e-15, "{point}");
+        }
+        let origin = Vec3::ZERO;
+        assert!((beside(origin, &square[..2], Vec3::Z) - 1.0).abs() < 1e-15);
+        assert!((beside(origin, &square[..1], Vec3::Z) - 2.0_f64.sqrt()).abs() < 1e-15);
+        assert_eq!(beside(origin, &[], Vec3::Z), f64::INFINITY);
+    }
 }
