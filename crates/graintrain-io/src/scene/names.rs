@@ -63,7 +63,7 @@ pub(super) fn list(
     let Some(names) = reader.texts(key)? else { return Ok(Vec::new()) };
     if names.is_empty() {
         // Left out, the key means everything: a list that somebody's program left empty does not.
-        return Err(reader.missing(key));
+        return Err(reader.out_of_range(key, &format!("at least one {what}, or left out"), "none"));
     }
     names.iter().try_for_each(|name| check(reader, key, what, name, known))?;
     Ok(names)

@@ -144,6 +144,10 @@ fn missing_and_contradicting_keys() {
             "[packing.p]\nradius = 1\nlattice = { counts = [1e6, 1e6, 1e6], pitch = 3 }\n",
             "packing `p` asks for more than 100000000 bodies",
         ),
+        (
+            "[measure.m]\nmotion = true\npackings = []\n",
+            "`measure.m.packings` must be at least one packing, or left out, got none",
+        ),
     ];
     for (text, expected) in cases {
         let message = fails(&ball_and(text), &[]).0;

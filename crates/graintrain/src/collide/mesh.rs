@@ -154,11 +154,6 @@ impl TriangleTree {
         near.into_iter().map(|triangle| self.corners[triangle as usize]).collect()
     }
 
-    /// Whether it encloses a volume.
-    pub(super) fn is_closed(&self) -> bool {
-        self.sheets.is_closed()
-    }
-
     /// Triangles in the box around the ball around a visitor, ascending.
     fn around(&self, visitor: &Visitor<'_>, envelope: f64) -> Vec<u32> {
         let reach = visitor.shape.bounding_radius() + envelope;

@@ -92,6 +92,11 @@ impl<'a> PlacedPart<'a> {
     }
 }
 
+/// Size and place of the smaller one.
+pub(super) fn unit_and_origin(a: &PlacedPart<'_>, b: &PlacedPart<'_>) -> (f64, Vec3) {
+    if a.radius < b.radius { (a.radius, a.position) } else { (b.radius, b.position) }
+}
+
 /// Contacts of bodies A and B with gap up to the envelope, reduced to what each patch needs, ordered by
 /// feature.
 pub(crate) fn body_contacts(a: Placed<'_>, b: Placed<'_>, envelope: f64, touches: &mut Vec<Touch>) {
@@ -124,7 +129,7 @@ pub(crate) fn body_contacts(a: Placed<'_>, b: Placed<'_>, envelope: f64, touches
 }
 
 /// Contacts of two parts with gap up to the envelope, normals from B to A, unreduced.
-pub(super) fn part_contacts(a: &PlacedPart<'_>, b: &PlacedPart<'_>, envelope: f64, touches: &mut Vec<Touch>) {
+fn part_contacts(a: &PlacedPart<'_>, b: &PlacedPart<'_>, envelope: f64, touches: &mut Vec<Touch>) {
     if is_second(a.shape, b.shape) {
         ordered_contacts(a, b, envelope, touches);
     } else {
@@ -180,8 +185,7 @@ fn ordered_contacts(a: &PlacedPart<'_>, b: &PlacedPart<'_>, envelope: f64, touch
             capsule_contacts(position, half_axis, radius, distance, &borders, envelope, touches);
         }
         _ => {
-            let (unit, origin) =
-                if a.radius < b.radius { (a.radius, a.position) } else { (b.radius, b.position) };
+            let (unit, origin) = unit_and_origin(a, b);
             manifold_contacts(a.solid(), b.solid(), unit, origin, envelope, touches);
             return;
         }

@@ -90,10 +90,6 @@ impl Sheets {
         Self { is_closed, beyond, border }
     }
 
-    pub(super) fn is_closed(&self) -> bool {
-        self.is_closed
-    }
-
     /// Which corners of a triangle lie on a border.
     pub(super) fn border(&self, triangle: u32) -> [bool; 3] {
         self.border[triangle as usize].corners

@@ -12,7 +12,7 @@
 
 use super::manifold::Solid;
 use super::mesh::TriangleTree;
-use super::narrow::{Placed, PlacedPart, body_contacts, part_contacts};
+use super::narrow::{Placed, PlacedPart, body_contacts, unit_and_origin};
 use super::reduce::Touch;
 use super::separation::separation;
 use crate::math::{Vec3, rotation_exponential};
@@ -24,6 +24,9 @@ const POSES: usize = 256;
 
 /// Chords of a gap looked at per pose at most.
 const CHORDS: usize = 6;
+
+/// Contacts at an impact are looked for up to so many sizes away.
+const FARTHEST: f64 = 64.0;
 
 /// Parts touch at a gap of this fraction of the smaller one's size.
 const TOUCHING: f64 = 1e-7;
@@ -50,9 +53,9 @@ pub(crate) struct Arrival {
 
 /// When bodies A and B with constant velocities (u, w), m/s and rad/s in world axes, first touch within
 /// `step` seconds; `None` if they do not. Bodies that overlap touch at time 0. Contacts with gap up to the
-/// envelope, m, at the poses of that time come with it. Cost: one plane between them per pose, at most 256
-/// per pair of parts, a few for bodies that do not spin; one narrow phase where they meet. A mesh is looked
-/// at all around the body as far as it may travel.
+/// envelope, m, at the poses of that time come with it. Cost: one plane between them per pose, a few
+/// and at most 256 per pair of parts, or part and triangle of a mesh around its way; one narrow phase where
+/// they meet.
 pub(crate) fn time_of_impact(
     a: Placed<'_>,
     b: Placed<'_>,
@@ -67,7 +70,7 @@ pub(crate) fn time_of_impact(
     let mut touches = Vec::new();
     let mut reach = envelope.max(10.0 * TOUCHING * size);
     // Where the poses ran out, a gap is left.
-    while touches.is_empty() && reach.is_finite() {
+    while touches.is_empty() && reach <= FARTHEST * size.max(envelope) {
         body_contacts(a, b, reach, &mut touches);
         reach *= 2.0;
     }
@@ -88,12 +91,18 @@ pub(super) fn comes_within(
 /// When two bodies are first as near as `reach`, m, or touch.
 fn first_time(
     [a, b]: [Placed<'_>; 2],
-    velocities: [[Vec3; 2]; 2],
+    mut velocities: [[Vec3; 2]; 2],
     step: f64,
     reach: Option<f64>,
 ) -> Option<f64> {
     if let Some(known) = closed_form(a, b, velocities, reach.unwrap_or(0.0)) {
         return known.filter(|&time| time <= step);
+    }
+    // A ball turns in itself.
+    for (body, velocity) in [a, b].into_iter().zip(&mut velocities) {
+        if body.form.ball.is_some() {
+            velocity[1] = Vec3::ZERO;
+        }
     }
     let mut earliest = None;
     for part_a in 0..a.form.geometry.parts.len() {
@@ -216,15 +225,16 @@ struct Pair<'a> {
 
 impl Pair<'_> {
     fn time_of_impact(&self, step: f64) -> Option<f64> {
-        let parts = self.placed_parts(0.0);
         if !self.size().is_finite() {
             return None;
         }
-        match parts.each_ref().map(|part| part.tree) {
-            [None, None] => self.advance(None, [0.0, step]),
-            [Some(tree), None] if parts[1].radius.is_finite() => self.meets_mesh((0, tree), step),
-            [None, Some(tree)] if parts[0].radius.is_finite() => self.meets_mesh((1, tree), step),
-            _ => None,
+        let is_bounded = |k: usize| self.bodies[k].form.part_radius[self.parts[k]].is_finite();
+        match [0, 1].map(|k| self.bodies[k].form.trees[self.parts[k]].as_ref()) {
+            [Some(_), Some(_)] => None,
+            [Some(tree), None] if is_bounded(1) => self.meets_mesh((0, tree), step),
+            [None, Some(tree)] if is_bounded(0) => self.meets_mesh((1, tree), step),
+            // A plane meets the corners of a mesh.
+            _ => self.advance(None, [0.0, step]),
         }
     }
 
@@ -233,27 +243,15 @@ impl Pair<'_> {
     fn meets_mesh(&self, (mesh, tree): (usize, &TriangleTree), step: f64) -> Option<f64> {
         let whole = self.rate(None, &self.placed(0.0), step) * step;
         let spans = (whole / (8.0 * self.size())).clamp(1.0, 16.0).ceil();
-        for span in 0..spans as u32 {
+        (0..spans as u32).find_map(|span| {
             let [from, until] = [0, 1].map(|end| step * f64::from(span + end) / spans);
-            let parts = self.placed_parts(from);
-            let visitor = parts[1 - mesh].visitor(&parts[mesh]);
-            // What lies in a closed mesh may be far from all triangles.
-            if from == 0.0 && tree.is_closed() {
-                let mut touches = Vec::new();
-                part_contacts(&parts[0], &parts[1], self.touching(), &mut touches);
-                if !touches.is_empty() {
-                    return Some(0.0);
-                }
-            }
-            let near = tree.near(&visitor, whole / spans + self.touching());
+            let parts = self.placed_parts(&self.placed(from));
+            let near = tree.near(&parts[1 - mesh].visitor(&parts[mesh]), whole / spans + self.touching());
             let first = |earliest: Option<f64>, corners: &[Vec3; 3]| {
                 self.advance(Some((mesh, corners)), [from, earliest.unwrap_or(until)]).or(earliest)
             };
-            if let Some(time) = near.iter().fold(None, first) {
-                return Some(time);
-            }
-        }
-        None
+            near.iter().fold(None, first)
+        })
     }
 
     /// When convex parts, or one and a triangle of the other, are first so near, s.
@@ -262,21 +260,42 @@ impl Pair<'_> {
         let mut time = from;
         for _ in 0..POSES {
             let bodies = self.placed(time);
-            let parts = self.placed_parts(time);
+            let parts = self.placed_parts(&bodies);
             let mut solids = parts.each_ref().map(PlacedPart::solid);
             if let Some((mesh, corners)) = triangle {
                 let PlacedPart { position, orientation, .. } = parts[mesh];
                 let corners = corners.map(|corner| position + orientation * corner);
                 solids[mesh] = Solid::Triangle { corners, open: [false; 3] };
             }
-            let smaller = if parts[0].radius < parts[1].radius { 0 } else { 1 };
-            let (unit, origin) = (parts[smaller].radius, parts[smaller].position);
+            let (unit, origin) = unit_and_origin(&parts[0], &parts[1]);
             let far = self.rate(None, &bodies, until - time) * (until - time) + touching;
             let apart = separation(solids, unit, origin, far).filter(|(gap, _)| *gap > touching);
             let Some((gap, normal)) = apart else { return Some(time) };
             time += self.wait((gap, normal), (bodies, solids), until - time)?;
         }
         Some(time)
+    }
+
+    /// The bodies after some time.
+    fn placed(&self, time: f64) -> [Placed<'_>; 2] {
+        [0, 1].map(|k| advanced(self.bodies[k], self.velocities[k], time))
+    }
+
+    fn placed_parts<'a>(&self, bodies: &[Placed<'a>; 2]) -> [PlacedPart<'a>; 2] {
+        [0, 1].map(|k| bodies[k].part(self.parts[k]))
+    }
+
+    /// Radius of the ball around the smaller part, m.
+    fn size(&self) -> f64 {
+        [0, 1]
+            .map(|k| self.bodies[k].form.part_radius[self.parts[k]])
+            .into_iter()
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    /// The gap at which the parts are near enough, m.
+    fn touching(&self) -> f64 {
+        self.reach.unwrap_or(0.0) + TOUCHING * self.size()
     }
 
     /// How long a plane with this normal keeps the solids as far apart as they have to be, nearly, s; `None`
@@ -348,26 +367,6 @@ impl Pair<'_> {
             let form = self.bodies[k].form;
             form.geometry.parts[self.parts[k]].position.length() + form.part_radius[self.parts[k]]
         })
-    }
-
-    /// The bodies, and the parts, after some time.
-    fn placed(&self, time: f64) -> [Placed<'_>; 2] {
-        std::array::from_fn(|k| advanced(self.bodies[k], self.velocities[k], time))
-    }
-
-    fn placed_parts(&self, time: f64) -> [PlacedPart<'_>; 2] {
-        let bodies = self.placed(time);
-        std::array::from_fn(|k| bodies[k].part(self.parts[k]))
-    }
-
-    /// Radius of the ball around the smaller part, m.
-    fn size(&self) -> f64 {
-        (0..2).map(|k| self.bodies[k].form.part_radius[self.parts[k]]).fold(f64::INFINITY, f64::min)
-    }
-
-    /// The gap at which the parts are near enough, m.
-    fn touching(&self) -> f64 {
-        self.reach.unwrap_or(0.0) + TOUCHING * self.size()
     }
 
     /// How fast the parts may come nearer, m/s, during the next `remaining` seconds: along a normal that
@@ -490,6 +489,21 @@ mod tests {
         }
         let past = placed(&ball, Vec3::new(1.001 + 1e-6, 0.0, 0.3));
         assert_eq!(meet(past, placed(&plate, Vec3::ZERO), -100.0 * Vec3::Z, Vec3::ZERO, 5e-3), None);
+    }
+
+    #[test]
+    fn a_mesh_meets_a_plane_with_its_lowest_corner() {
+        let corners = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];
+        let (mesh, plane) = (
+            form(Geometry::mesh(corners, vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]).unwrap()),
+            form(Geometry::plane()),
+        );
+        let (above, floor) = (placed(&mesh, 2.0 * Vec3::Z), placed(&plane, Vec3::ZERO));
+        let down = -100.0 * Vec3::Z;
+        for time in [meet(above, floor, down, Vec3::ZERO, 0.05), meet(floor, above, Vec3::ZERO, down, 0.05)] {
+            assert!((time.unwrap() - 0.02).abs() < 1e-9, "{time:?}");
+        }
+        assert_eq!(meet(above, floor, down, Vec3::ZERO, 0.019), None);
     }
 
     #[test]

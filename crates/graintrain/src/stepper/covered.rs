@@ -7,13 +7,14 @@
 //! the contact with C is left out. A ball stays above a plane that holds it in one point, a capsule or
 //! cylinder that lies on it above one that holds it on both sides of where it might meet C, a box, hull or
 //! cone above one that holds it in points between which it might meet C, or there. Bodies of several parts,
-//! boxes, hulls and cones on bodies that are not driven, and images in a periodic cell are not looked at; of
-//! what lies askew to an edge some contacts stay. A body C that begins to rise in the step is met one step
+//! boxes, hulls and cones on free ones, and images in a periodic cell are not looked at; of what lies askew
+//! to an edge some contacts stay. A body C that begins to rise in the step is met one step
 //! late, or as soon as it overlaps.
 
 use crate::collide::Collider;
 use crate::contact::Contact;
-use crate::math::Vec3;
+use crate::math::{Vec3, tangents};
+use crate::shape::{Part, Shape};
 use crate::world::World;
 use rayon::prelude::*;
 
@@ -33,7 +34,7 @@ const ARC: f64 = 0.3;
 /// Sine of an angle up to which a capsule or cylinder lies on a plane.
 const LYING: f64 = 0.1;
 
-/// A contact as that of its bodies has it that may be held off the other.
+/// A contact seen from the one of its bodies that may be held off the other.
 struct Side {
     contact: usize,
     own: usize,
@@ -54,7 +55,7 @@ impl Side {
 }
 
 /// Leaves out the contacts of a step of this length, s, that others cover. Cost: a pass over the contacts,
-/// and a look at the pairs of those that a round body has with bodies that are not round and free.
+/// and a look at the pairs of those that a body has with bodies of a later [`Kind`].
 pub(super) fn leave_covered_out(world: &World, collider: &Collider, step: f64, contacts: &mut Vec<Contact>) {
     let covered = Cover { world, collider, step, contacts }.covered();
     leave_out(contacts, &covered);
@@ -121,16 +122,15 @@ impl Cover<'_> {
             .iter()
             .map(|side| (0..sides.len()).filter(|&k| lies_below(side, &sides[k])).collect())
             .collect();
-        let mut covered: Vec<bool> = planes.iter().map(|planes| !planes.is_empty()).collect();
-        loop {
-            let open = (0..sides.len()).find(|&k| {
-                let kept = planes[k].iter().filter(|&&k| !covered[k]).map(|&k| &sides[k]);
-                covered[k] && !self.is_held(&sides[k], &kept.collect::<Vec<_>>())
-            });
-            match open {
-                Some(k) => covered[k] = false,
-                None => break,
-            }
+        let is_held = |k: usize, covered: &[bool]| {
+            let kept = planes[k].iter().filter(|&&k| !covered[k]).map(|&k| &sides[k]);
+            self.is_held(&sides[k], &kept.collect::<Vec<_>>())
+        };
+        let none = vec![false; sides.len()];
+        let mut covered: Vec<bool> = (0..sides.len()).map(|k| is_held(k, &none)).collect();
+        // What is not covered after all holds more, so that one pass does.
+        for k in 0..sides.len() {
+            covered[k] = covered[k] && is_held(k, &covered);
         }
         sides.iter().zip(&covered).filter(|(_, covered)| **covered).map(|(side, _)| side.contact).collect()
     }
@@ -138,10 +138,16 @@ impl Cover<'_> {
     /// Whether the other body of a contact lies below the plane of another one, all through the step.
     fn lies_below(&self, side: &Side, plane: &Side, tolerance: f64) -> bool {
         let bodies = &self.world.bodies;
-        // Of several that carry the body alike none covers another one.
+        // Of several that carry the body alike none covers another one; nor do those with one body, but for
+        // what lies on it along a line.
         let is_alike = side.normal.cross(plane.normal).length() <= PARALLEL
             && self.contacts[side.contact].gap <= self.contacts[plane.contact].gap + tolerance;
-        if is_alike || plane.height(side.point) > tolerance {
+        let is_one = side.other == plane.other && Kind::of(self.world, side.own) == Kind::Convex;
+        if is_alike || is_one {
+            return false;
+        }
+        let sunk = END / LEVEL * tolerance;
+        if plane.height(side.point) > tolerance || plane.height(side.own_point) < -sunk {
             return false;
         }
         let centre = bodies.position[side.other];
@@ -167,10 +173,9 @@ impl Cover<'_> {
         let (turn, centre) = (world.bodies.orientation[side.own], world.bodies.position[side.own]);
         let (axis, centre) = (turn * (part.orientation * Vec3::Z), centre + turn * part.position);
         let size = self.collider.contact_size(world, &self.contacts[side.contact]);
-        let beyond = if form.is_of_revolution() { ARC * form.reach(Vec3::X) } else { END * size };
-        planes.iter().any(|plane| {
-            let mut same =
-                planes.iter().filter(|other| other.normal.cross(plane.normal).length() <= PARALLEL);
+        let is_parallel = |a: &Side, b: &Side| a.normal.cross(b.normal).length() <= PARALLEL;
+        planes.iter().enumerate().any(|(k, plane)| {
+            let mut same = planes.iter().filter(|other| is_parallel(other, plane));
             match half_length {
                 Some(half_length) if axis.dot(plane.normal).abs() <= LYING => {
                     // Of the segment that the body is about; beyond its ends there is nothing that could
@@ -179,9 +184,15 @@ impl Cover<'_> {
                     let (at, tolerance) = (along(side), END * half_length);
                     along(plane) <= at + tolerance && same.any(|other| at <= along(other) + tolerance)
                 }
+                // All of them are looked at together.
+                _ if planes[..k].iter().any(|other| is_parallel(other, plane)) => false,
                 _ => {
-                    let points: Vec<Vec3> = same.map(|other| other.own_point).collect();
-                    beside(side.own_point, &points, plane.normal) <= beyond
+                    let others = same.filter(|other| other.other != side.other);
+                    let around = others.map(|other| other.own_point).collect();
+                    let (distance, is_area) = beside(side.own_point, around, plane.normal);
+                    let bulge =
+                        if form.is_of_revolution() && is_area { ARC * form.reach(Vec3::X) } else { 0.0 };
+                    distance <= bulge + END * size
                 }
             }
         })
@@ -205,26 +216,49 @@ impl Kind {
         match parts.as_slice() {
             _ if world.is_prescribed(body) => Self::Support,
             [part] if part.shape.form().half_axis().is_some() => Self::Round,
-            [part] if part.shape.half_thickness().is_finite() => Self::Convex,
+            [Part { shape: Shape::Mesh(_) | Shape::Plane(_), .. }] => Self::Support,
+            [_] => Self::Convex,
             _ => Self::Support,
         }
     }
 }
 
-/// How far a point is from the convex hull of others, all of a plane with this normal, m.
-fn beside(point: Vec3, others: &[Vec3], normal: Vec3) -> f64 {
-    let all: Vec<Vec3> = others.iter().map(|other| (*other - point).reject_from_normalized(normal)).collect();
-    let turns = |p: Vec3, q: Vec3| normal.dot(p.cross(q)) > 0.0;
-    let surround = |p: Vec3, q: Vec3, r: Vec3| turns(p, q) && turns(q, r) && turns(r, p);
-    let to_segment = |p: Vec3, q: Vec3| {
-        let share = p.dot(p - q) / (q - p).length_squared();
-        (p + if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) } * (q - p)).length()
-    };
-    let pairs = || all.iter().flat_map(|p| all.iter().map(move |q| (*p, *q)));
-    if pairs().any(|(p, q)| turns(p, q) && all.iter().any(|r| surround(p, q, *r))) {
-        return 0.0;
+/// How far a point is from the convex hull of others, all of a plane with this normal, m, and whether that is
+/// more than a point or a line. Cost: sorts them (A. M. Andrew, "Another efficient algorithm for convex hulls
+/// in two dimensions", Information Processing Letters 9:216-219, 1979).
+fn beside(point: Vec3, others: Vec<Vec3>, normal: Vec3) -> (f64, bool) {
+    let (along, across) = tangents(normal);
+    let flat = |other: Vec3| (along.dot(other - point), across.dot(other - point));
+    let mut flat: Vec<(f64, f64)> = others.into_iter().map(flat).collect();
+    flat.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let turn =
+        |a: (f64, f64), b: (f64, f64), c: (f64, f64)| (b.0 - a.0) * (c.1 - a.1) - (b.1 - a.1) * (c.0 - a.0);
+    // Counter-clockwise: the lower side from the left, then the upper one from the right.
+    let mut hull: Vec<(f64, f64)> = Vec::new();
+    for side in [flat.clone(), flat.iter().rev().copied().collect()] {
+        let first = hull.len();
+        for p in side {
+            while hull.len() >= first + 2 && turn(hull[hull.len() - 2], hull[hull.len() - 1], p) <= 0.0 {
+                hull.pop();
+            }
+            hull.push(p);
+        }
+        hull.pop();
     }
-    pairs().map(|(p, q)| to_segment(p, q)).fold(f64::INFINITY, f64::min)
+    if hull.is_empty() {
+        hull.extend(flat.first());
+    }
+    let is_area = hull.len() > 2;
+    let sides = || hull.iter().copied().zip(hull.iter().copied().cycle().skip(1));
+    if is_area && sides().all(|(a, b)| turn(a, b, (0.0, 0.0)) >= 0.0) {
+        return (0.0, true);
+    }
+    let to_side = |((a, b), (c, d)): ((f64, f64), (f64, f64))| {
+        let (way, square) = ((c - a, d - b), (c - a).powi(2) + (d - b).powi(2));
+        let share = if square > 0.0 { (-(a * way.0 + b * way.1) / square).clamp(0.0, 1.0) } else { 0.0 };
+        (a + share * way.0).hypot(b + share * way.1)
+    };
+    (sides().map(to_side).fold(f64::INFINITY, f64::min), is_area)
 }
 
 #[cfg(test)]
@@ -239,12 +273,15 @@ mod tests {
         let cases = [((0.9, -0.4), 0.0), ((1.0, 0.5), 0.0), ((1.5, 0.5), 0.5), ((4.0, 5.0), 5.0)];
         for ((x, y), expected) in cases {
             let point = Vec3::new(x, y, -2.0);
-            assert!((beside(point, &square, Vec3::Z) - expected).abs() < 1e-15, "{point}");
-            assert!((beside(point, &square, -Vec3::Z) - expected).abs() < 1e-15, "{point}");
+            for normal in [Vec3::Z, -Vec3::Z] {
+                let (distance, is_area) = beside(point, square.clone(), normal);
+                assert!((distance - expected).abs() < 1e-15 && is_area, "{point}");
+            }
         }
-        let origin = Vec3::ZERO;
-        assert!((beside(origin, &square[..2], Vec3::Z) - 1.0).abs() < 1e-15);
-        assert!((beside(origin, &square[..1], Vec3::Z) - 2.0_f64.sqrt()).abs() < 1e-15);
-        assert_eq!(beside(origin, &[], Vec3::Z), f64::INFINITY);
+        for (count, expected) in [(2, 1.0), (1, 2.0_f64.sqrt())] {
+            let (distance, is_area) = beside(Vec3::ZERO, square[..count].to_vec(), Vec3::Z);
+            assert!((distance - expected).abs() < 1e-15 && !is_area);
+        }
+        assert_eq!(beside(Vec3::ZERO, Vec::new(), Vec3::Z), (f64::INFINITY, false));
     }
 }

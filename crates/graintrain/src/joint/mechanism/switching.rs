@@ -1,7 +1,8 @@
 //! What motors with a limit and stops do, and the corrections that keep bodies on the paths of their joints:
 //! round by round, until all agree.
 
-use super::{ActiveRow, Correction, Mechanisms, Role, Row, Solution};
+use super::{ActiveRow, Correction, Mechanism, Mechanisms, Role, Row, Solution};
+use crate::handle::BodyId;
 use crate::joint::drift::allowed;
 use crate::joint::kinematics::{Placed, coordinate, last};
 use crate::joint::{JointState, Motor};
@@ -253,9 +254,19 @@ impl Mechanisms<'_> {
     pub(crate) fn predict(&mut self, impulse: &[f64]) {
         let fine = FINE * self.scale;
         for index in 0..self.mechanisms.len() {
+            let Mechanism { forces, is_foreseen, .. } = &self.mechanisms[index];
+            let before = (self.states.clone(), forces.clone(), *is_foreseen);
             let mut settles = self.settle(index, impulse, fine);
             let is_lost = !settles && self.is_open(index, impulse, STUCK * self.scale);
-            if is_lost || self.leaps(index, impulse) {
+            let leaps = !is_lost && self.leaps(index, impulse);
+            if leaps {
+                let mut mechanism = std::mem::take(&mut self.mechanisms[index]);
+                (self.states, mechanism.forces, mechanism.is_foreseen) = before;
+                self.stiffen(&mut mechanism);
+                self.arrange(&mut mechanism);
+                self.mechanisms[index] = mechanism;
+            }
+            if is_lost || leaps {
                 // Corrections that lead nowhere, or somewhere else, must not drive it.
                 let mechanism = &mut self.mechanisms[index];
                 mechanism.is_straight = true;
@@ -266,28 +277,41 @@ impl Mechanisms<'_> {
         }
     }
 
-    /// Whether the path of a mechanism is not the one on which it is: it would have to move much faster than
-    /// its rows at the start of the step let it.
+    /// Whether the path of a mechanism is not the one on which it is: some body would have to move much
+    /// faster than all do as its rows at the start of the step let them, in the frame of what holds it, or in
+    /// which it rests as a whole.
     fn leaps(&mut self, index: usize, impulse: &[f64]) -> bool {
-        let momentum = |own: &Self| {
-            let mechanism = &own.mechanisms[index];
-            let Solution { velocity, .. } = own.solve(mechanism, impulse);
-            let energy = |(&body, v): (&u32, &[f64])| {
-                let [u, w] = [0, 3].map(|first| Vec3::from_slice(&v[first..first + 3]));
-                let [p, l] = own.momentum(body as usize, [u, w]);
-                p.dot(u) + l.dot(w)
-            };
-            mechanism.bodies.iter().zip(velocity.chunks_exact(6)).map(energy).sum::<f64>()
-        };
-        let on_path = momentum(self);
-        let known: Vec<f64> = self.mechanisms[index].rows.iter().map(|row| row.target).collect();
+        let mechanism = &mut self.mechanisms[index];
+        let targets: Vec<f64> = mechanism.rows.iter().map(|row| row.target).collect();
+        if mechanism.is_straight || mechanism.rows.iter().all(|row| row.target == row.wanted) {
+            return false;
+        }
+        let on_path = self.solve(&self.mechanisms[index], impulse).velocity;
         self.mechanisms[index].rows.iter_mut().for_each(|row| row.target = row.wanted);
-        let straight = momentum(self);
-        self.mechanisms[index].rows.iter_mut().zip(known).for_each(|(row, target)| row.target = target);
-        let bodies = &self.mechanisms[index].bodies;
-        let mass: f64 = bodies.iter().map(|&body| self.world.bodies.mass[body as usize]).sum();
-        let rest = mass * (STUCK * self.yardstick).powi(2);
-        on_path > LEAP * LEAP * (straight + rest)
+        let straight = self.solve(&self.mechanisms[index], impulse).velocity;
+        self.mechanisms[index].rows.iter_mut().zip(targets).for_each(|(row, target)| row.target = target);
+        let Mechanism { bodies, joints, .. } = &self.mechanisms[index];
+        let parts = |v: &[f64]| [0, 3].map(|first| Vec3::from_slice(&v[first..first + 3]));
+        let of = |&joint: &usize| self.world.joints[joint].joint.bodies;
+        let is_free = |end: Option<BodyId>| end.is_some_and(|b| bodies.contains(&(b.index() as u32)));
+        // A gear has no bodies of its own.
+        let frame = if joints.iter().map(of).all(|ends| ends == [None; 2] || ends.into_iter().all(is_free)) {
+            let masses = bodies.iter().map(|&body| self.world.bodies.mass[body as usize]);
+            let sums = straight.chunks_exact(6).zip(masses).map(|(v, mass)| (mass * parts(v)[0], mass));
+            let (momentum, mass) = sums.fold((Vec3::ZERO, 0.0), |(p, m), (q, n)| (p + q, m + n));
+            momentum / mass
+        } else {
+            Vec3::ZERO
+        };
+        let length = joints.iter().map(|&joint| self.lengths[joint]).fold(0.0, f64::max);
+        let fastest = |velocity: &[f64]| {
+            let speeds = velocity.chunks_exact(6).map(|v| {
+                let [u, w] = parts(v);
+                (u - frame).length().max(length * w.length())
+            });
+            speeds.fold(0.0, f64::max)
+        };
+        fastest(&on_path) > LEAP * fastest(&straight) + STUCK * self.yardstick
     }
 
     /// Whether of some mechanism it was not found what its motors and stops do.
