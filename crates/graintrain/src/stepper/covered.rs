@@ -256,7 +256,7 @@ fn beside(point: Vec3, others: Vec<Vec3>, normal: Vec3) -> (f64, bool) {
     let to_side = |((a, b), (c, d)): ((f64, f64), (f64, f64))| {
         let (way, square) = ((c - a, d - b), (c - a).powi(2) + (d - b).powi(2));
         let share = if square > 0.0 { (-(a * way.0 + b * way.1) / square).clamp(0.0, 1.0) } else { 0.0 };
-        (a + share * way.0).hypot(b + share * way.1)
+        ((a + share * way.0).powi(2) + (b + share * way.1).powi(2)).sqrt()
     };
     (sides().map(to_side).fold(f64::INFINITY, f64::min), is_area)
 }
