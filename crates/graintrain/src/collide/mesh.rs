@@ -149,9 +149,9 @@ impl TriangleTree {
 
     /// The corners of the triangles that may be as near to a visitor as `envelope`, in the mesh's frame.
     pub(super) fn near(&self, visitor: &Visitor<'_>, envelope: f64) -> Vec<[Vec3; 3]> {
-        let mut near = self.around(visitor, envelope);
-        near.retain(|&triangle| self.meets(visitor, envelope)(triangle));
-        near.into_iter().map(|triangle| self.corners[triangle as usize]).collect()
+        let meets = self.meets(visitor, envelope);
+        let near = self.around(visitor, envelope).into_iter().filter(|&triangle| meets(triangle));
+        near.map(|triangle| self.corners[triangle as usize]).collect()
     }
 
     /// Triangles in the box around the ball around a visitor, ascending.
