@@ -20,11 +20,11 @@
 //!
 //! **Exact friction.** `apgs`, `pgs` and `apgd` treat it in their iterations ([`CcpSolver::solve_exact`]).
 //! The problem has no objective, and any of them may circle where another gets on, those with a momentum
-//! most. So they hold a race: a turn of each, from where the one before ended, one from none, then it is the
-//! turn of the one that gained most per iteration in its last. Where their systems are small, a piece of the
-//! [path](super::path_following) comes between. Where nobody gains any more come the search for a proof that
-//! the problem without friction has no solution (then this one has none), the whole path from large tau, and
-//! last the [fixed point](super::fixed_point) on the convex problem with the shift held.
+//! most. So they hold a race: a turn of each, from where the one before ended, the same from none, then it is
+//! the turn of the one that gained most per iteration in its last. Where their systems are small, a piece of
+//! the [path](super::path_following) comes between. Where nobody gains any more come the search for a proof
+//! that the problem without friction has no solution (then this one has none), the whole path from large tau,
+//! and last the [fixed point](super::fixed_point) on the convex problem with the shift held.
 
 use super::accelerated_sweeps::AcceleratedSweeps;
 use super::apgd::Apgd;
@@ -69,6 +69,8 @@ pub(super) const LONGEST: usize = 40_000;
 /// The finish is made where the residual is above this (and the tolerance): below, errors of the impulses are
 /// those of single contacts.
 pub(super) const ABOVE: f64 = 0.03;
+/// Below that the path gets one part in so many of what is left.
+const NEAR_PART: usize = 8;
 
 /// Iterations of a turn where there are so many for the race.
 fn turn(share: usize) -> usize {
@@ -110,7 +112,8 @@ enum Task {
     Exact,
     /// The same by this and the next two members ([`runners`]), a turn of each.
     Round,
-    /// A turn of the first of them from no impulses: those of another time may be the worst start of all.
+    /// The same from no impulses: those of another time may be the worst start of all. Far from a solution a
+    /// turn of the first of them.
     Afresh,
     /// The same in turns, until nobody gains.
     Race,
@@ -299,6 +302,7 @@ impl CcpSolver for Cascade {
         }
         check_start(problem, impulse)?;
         let limits = Limits::start(settings, usize::MAX);
+        let is_exact = friction == FrictionModel::Coulomb;
         let mut course = Course::new(impulse, self.members.len(), table.len());
         let last = table.iter().rposition(|stage| !matches!(stage.task, Task::Finish | Task::Proof));
         for (place, stage) in table.iter().enumerate() {
@@ -312,6 +316,8 @@ impl CcpSolver for Cascade {
                 Task::Proof if residual <= infeasible::GOOD_ENOUGH || is_limited && is_near => 0,
                 Task::Proof => course.left(&limits).max(settings.finish),
                 _ if gets_all => course.left(&limits),
+                // A factorisation costs what hundreds of iterations do, of which few are missing.
+                Task::Solve if is_exact && is_limited && is_near => course.left(&limits) / NEAR_PART,
                 _ => course.left(&limits).div_ceil(2),
             };
             let share = share.min(stage.most);
@@ -388,8 +394,9 @@ impl Cascade {
         }
     }
 
-    /// The first runner of a race takes a turn from no impulses. Where that leads nowhere, what follows goes
-    /// on as if it had not been; whether it ends the solve.
+    /// The runners of a race take their first turns from no impulses, where the residual is above [`ABOVE`]
+    /// the first of them alone. Where that leads nowhere, what follows goes on as if it had not been; whether
+    /// it ends the solve.
     fn afresh(
         &mut self,
         stage: &Stage,
@@ -403,10 +410,15 @@ impl Cascade {
             return Ok(false);
         }
         let (before, last, memory) = (course.best.residual(), course.last.clone(), course.memory.clone());
-        let member = stage.member + runners(problem, settings)[0];
-        let own = Stage { member, task: Task::Exact, ..*stage };
-        let turn = FIRST / 2 * turn(share);
-        let ended = self.make(&own, turn.min(share), problem, settings, limits, course)?;
+        let ended = if before <= ABOVE.max(settings.tolerance) {
+            let round = Stage { task: Task::Round, ..*stage };
+            self.race(&round, share, problem, settings, limits, course)?
+        } else {
+            let member = stage.member + runners(problem, settings)[0];
+            let own = Stage { member, task: Task::Exact, ..*stage };
+            let turn = FIRST / 2 * turn(share);
+            self.make(&own, turn.min(share), problem, settings, limits, course)?
+        };
         if course.best.residual() >= before {
             (course.last, course.memory) = (last, memory);
         }
