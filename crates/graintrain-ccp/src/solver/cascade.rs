@@ -57,8 +57,8 @@ const PATIENCE: usize = 500;
 
 /// Iterations of a turn of a race over those that there are for it, and the least and the most of them.
 pub(super) const TURN: (f64, [usize; 2]) = (1.0 / 12.0, [500, 2500]);
-/// First turn of the first runner in such turns, twice as many as its turn from no impulses has: most
-/// problems are solved in one of them.
+/// First turn of the first runner in such turns; far from a solution twice as many as its turn from no
+/// impulses has: most problems are solved in one of them.
 const FIRST: usize = 4;
 /// Contacts from which on gradients run first, where single precision serves and where it does not: ranks
 /// share them, and threads without limit. Threads share sweeps in single precision, which gain little
@@ -69,7 +69,7 @@ pub(super) const LONGEST: usize = 40_000;
 /// The finish is made where the residual is above this (and the tolerance): below, errors of the impulses are
 /// those of single contacts.
 pub(super) const ABOVE: f64 = 0.03;
-/// Below that the path gets one part in so many of what is left.
+/// Below [`ABOVE`] the path gets one part in so many of what a limit leaves.
 const NEAR_PART: usize = 8;
 
 /// Iterations of a turn where there are so many for the race.
