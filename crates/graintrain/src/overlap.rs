@@ -54,6 +54,9 @@ pub struct Parameters {
     /// Sweeps carry a correction from contact to contact, and one cut short pushes overlap from here to
     /// there: a tall column of few contacts gets as many as so many visits to contacts allow.
     pub visits: usize,
+    /// Softness of a contact per sweep fewer: what so many sweeps do not carry on is given up, so that what is
+    /// jammed has a solution.
+    pub softness: f64,
     /// Corrections of what a step did not foresee, one after the other: a displacement turns bodies, too.
     pub rounds: usize,
     /// Accuracy of a correction, relative to the largest displacement that its contacts ask for.
@@ -70,8 +73,9 @@ impl Default for Parameters {
             accident: 1e-2,
             accident_share: 0.2,
             rings: 2,
-            sweeps: 40,
+            sweeps: 20,
             visits: 100_000,
+            softness: 0.4,
             rounds: 3,
             tolerance: 0.1,
         }
@@ -216,8 +220,9 @@ impl Gaps<'_> {
     /// The displacements of the bodies of these contacts, each with how far it may close, m.
     fn correct_part(&self, contacts: &[(&RigidContact, f64)], displacement: &mut [f64]) {
         let largest = contacts.iter().map(|(_, room)| -room).fold(0.0, f64::max);
-        let &Parameters { sweeps, visits, tolerance, .. } = self.parameters;
+        let &Parameters { sweeps, visits, softness, tolerance, .. } = self.parameters;
         let sweeps = sweeps.max(visits / contacts.len().max(1));
-        project(contacts, self.inverse_mass, displacement, (tolerance * largest, sweeps));
+        let softness = softness / sweeps as f64;
+        project(contacts, self.inverse_mass, displacement, (tolerance * largest, sweeps), softness);
     }
 }

@@ -1,11 +1,12 @@
 //! Normal displacements by projected Gauss-Seidel: what removes overlap asks for few digits and often.
 //!
 //! ```text
-//! find lambda_i >= 0 perpendicular to room_i + D_i,n^T q >= 0,     q = M^-1 D_n lambda
+//! find lambda_i >= 0 perpendicular to room_i + D_i,n^T q + a N_ii lambda_i >= 0,     q = M^-1 D_n lambda
 //! ```
 //!
-//! contact after contact, `lambda_i <- max(0, lambda_i - (room_i + D_i,n^T q) / N_ii)`, there and back in
-//! turn. One scalar per contact, no matrix and no preparation. Contacts that stay open are passed over in
+//! contact after contact, `lambda_i <- max(0, lambda_i - (room_i + D_i,n^T q + a N_ii lambda_i) / (1 + a)
+//! N_ii)`, there and back in turn. The softness a > 0 leaves a solution where bodies are jammed: without, a
+//! sweep after the other would throw them to and fro. One scalar per contact, no matrix and no preparation. Contacts that stay open are passed over in
 //! most sweeps, and looked at before it ends. Cost of a sweep: linear in the contacts. Threads share a sweep
 //! over many contacts slab by slab ([`division`]), in an order that does not depend on their number.
 //!
@@ -81,18 +82,20 @@ struct Projection {
     bodies: Vec<Body>,
     /// What is further open than this may rest, m.
     far: f64,
+    /// a.
+    softness: f64,
 }
 
 /// One relaxation of a row; the change of what the contact has been opened by, m.
 #[inline]
-fn relax(row: &mut Row, bodies: &mut [Body], levers: &[Lever], far: f64) -> f64 {
+fn relax(row: &mut Row, bodies: &mut [Body], levers: &[Lever], [far, softness]: [f64; 2]) -> f64 {
     let [a, b] = row.bodies.map(|body| body as usize);
     let mut closing = row.room + row.normal.dot(bodies[a].way - bodies[b].way);
     let lever = levers.get(row.lever as usize);
     if let Some(lever) = lever {
         closing += lever.spin[0].dot(bodies[a].turn) + lever.spin[1].dot(bodies[b].turn);
     }
-    let multiplier = (row.multiplier - closing * row.mass).max(0.0);
+    let multiplier = ((row.multiplier - closing * row.mass) / (1.0 + softness)).max(0.0);
     let change = multiplier - row.multiplier;
     if change == 0.0 {
         // It is open, and was before.
@@ -117,7 +120,7 @@ impl Projection {
         contacts: &[(&RigidContact, f64)],
         inverse_mass: &[BodyInverseMass],
         displacement: &[f64],
-        far: f64,
+        [far, softness]: [f64; 2],
     ) -> Self {
         let pairs: Vec<[u32; 2]> = contacts.iter().map(|(row, _)| [row.body_a, row.body_b]).collect();
         let division = Division::new(&pairs, inverse_mass.len());
@@ -131,7 +134,7 @@ impl Projection {
         };
         let bodies = division.bodies.iter().map(body).collect();
         let mut all =
-            Self { rows: Vec::with_capacity(contacts.len()), levers: Vec::new(), bodies, far, division };
+            Self { rows: Vec::with_capacity(contacts.len()), levers: Vec::new(), bodies, far, softness, division };
         for &(k, places) in &all.division.rows {
             let (contact, room) = contacts[k as usize];
             let normal = Vec3::from_array(contact.frame[0]);
@@ -166,7 +169,7 @@ impl Projection {
 
     /// One sweep, there or back, over the rows that do not rest, or over all of them; the largest change, m.
     fn sweep(&mut self, back: bool, all: bool) -> f64 {
-        let Self { division, rows, levers, bodies, far } = self;
+        let Self { division, rows, levers, bodies, far, softness } = self;
         let of_region = |(rows, bodies): (&mut [Row], &mut [Body])| {
             let mut largest = 0.0_f64;
             let count = rows.len();
@@ -175,7 +178,7 @@ impl Projection {
                 if row.rests > 0 && !all {
                     row.rests -= 1;
                 } else {
-                    largest = largest.max(relax(row, bodies, levers, *far));
+                    largest = largest.max(relax(row, bodies, levers, [*far, *softness]));
                 }
             }
             largest
@@ -193,14 +196,15 @@ impl Projection {
 
 /// Adds the displacements that open these contacts to `displacement` (translation in m and turn in rad of
 /// every body). Ends after the sweep in which no contact changed by more than `tolerance` (m), all of them
-/// looked at, or after `sweeps`.
+/// looked at, or after `sweeps`; with this softness.
 pub(crate) fn project(
     contacts: &[(&RigidContact, f64)],
     inverse_mass: &[BodyInverseMass],
     displacement: &mut [f64],
     (tolerance, sweeps): (f64, usize),
+    softness: f64,
 ) {
-    let mut projection = Projection::new(contacts, inverse_mass, displacement, FAR * tolerance);
+    let mut projection = Projection::new(contacts, inverse_mass, displacement, [FAR * tolerance, softness]);
     let mut all = true;
     for sweep in 0..sweeps {
         let largest = projection.sweep(!sweep.is_multiple_of(2), all);
@@ -265,7 +269,7 @@ mod tests {
             let (rows, masses, room) = random(contacts, seed);
             let mut found = vec![0.0; 6 * masses.len()];
             let opened: Vec<_> = rows.iter().zip(room.iter().copied()).collect();
-            project(&opened, &masses, &mut found, (1e-13, 100_000));
+            project(&opened, &masses, &mut found, (1e-13, 100_000), 0.0);
             let rigid = RigidDelassus::new(rows.clone(), masses);
             let r = room.iter().flat_map(|&room| [room, 0.0, 0.0]).collect();
             let problem = Ccp::new(Delassus::Rigid(rigid), r, vec![0.0; rows.len()]).unwrap();
@@ -311,13 +315,13 @@ mod tests {
         let (rows, masses, room) = bed(12, 16);
         let contacts: Vec<_> = rows.iter().zip(room.iter().copied()).collect();
         let none = vec![0.0; 6 * masses.len()];
-        let slabs = Projection::new(&contacts, &masses, &none, 0.0).division.phases[0].len();
+        let slabs = Projection::new(&contacts, &masses, &none, [0.0; 2]).division.phases[0].len();
         assert!(slabs > 2, "{slabs}");
         let of = |threads: usize, sweeps: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
                 let mut found = none.clone();
-                project(&contacts, &masses, &mut found, (1e-11, sweeps));
+                project(&contacts, &masses, &mut found, (1e-11, sweeps), 0.0);
                 found
             })
         };
@@ -336,7 +340,7 @@ mod tests {
         // Complementarity: least energy, so that those of another order of the rows are the same.
         let back: Vec<_> = contacts.iter().rev().copied().collect();
         let mut other = vec![0.0; found.len()];
-        project(&back, &masses, &mut other, (1e-11, 100_000));
+        project(&back, &masses, &mut other, (1e-11, 100_000), 0.0);
         assert!(found.iter().zip(&other).all(|(a, b)| (a - b).abs() < 1e-7));
     }
 
@@ -354,10 +358,38 @@ mod tests {
             for (mass, arm) in [(upright, [0.0; 3]), (hinged, [-0.5, 0.0, 0.0])] {
                 let row = RigidContact { body_a: 0, body_b: FIXED, frame, arm_a: arm, arm_b: [0.0; 3] };
                 let mut found = vec![0.0; 6];
-                project(&[(&row, -1e-3)], &[mass], &mut found, (1e-6, 40));
+                project(&[(&row, -1e-3)], &[mass], &mut found, (1e-6, 40), 0.0);
                 assert_eq!(found.iter().any(|&q| q != 0.0), moves, "{lean} {found:?}");
                 assert!(found.iter().all(|q| q.abs() < 0.11), "{found:?}");
             }
+        }
+    }
+
+    /// A ball between two walls that are too near to each other: without softness it would be pushed to and
+    /// fro for ever, ever harder. With it, and however many sweeps, it stands in the middle: of what overlaps
+    /// by 1 and 3 mm 2 mm remain on either side.
+    #[test]
+    fn what_is_jammed_stands_in_the_middle() {
+        let mass = BodyInverseMass { linear: [2.0; 3], angular: [0.0; 9] };
+        let wall = |normal: f64| RigidContact {
+            body_a: 0,
+            body_b: FIXED,
+            frame: [[normal, 0.0, 0.0], [0.0, normal, 0.0], [0.0, 0.0, 1.0]],
+            arm_a: [-normal, 0.0, 0.0],
+            arm_b: [normal, 0.0, 0.0],
+        };
+        let (left, right) = (wall(1.0), wall(-1.0));
+        let of = |sweeps: usize, softness: f64| {
+            let mut found = vec![0.0; 6];
+            project(&[(&left, -1e-3), (&right, -3e-3)], &[mass], &mut found, (1e-12, sweeps), softness);
+            found[0]
+        };
+        let hard = [of(40, 0.0), of(41, 0.0)];
+        assert!((hard[0] - hard[1]).abs() > 3e-3, "{hard:?}");
+        for softness in [0.02, 0.2] {
+            // (room + x) / a = (room' - x) / a: x = -1 mm of 2 / (2 + a).
+            let middle = -2e-3 / (2.0 + softness);
+            assert!((of(10_000, softness) - middle).abs() < 1e-9, "{}", of(10_000, softness));
         }
     }
 
@@ -366,7 +398,7 @@ mod tests {
         let (rows, masses, room) = random(10, 4);
         let mut found = vec![0.0; 6 * masses.len()];
         let open = room.iter().map(|room| room.abs());
-        project(&rows.iter().zip(open).collect::<Vec<_>>(), &masses, &mut found, (1e-13, 10));
+        project(&rows.iter().zip(open).collect::<Vec<_>>(), &masses, &mut found, (1e-13, 10), 0.0);
         assert!(found.iter().all(|&q| q == 0.0));
     }
 }

@@ -1,6 +1,6 @@
 //! The loop over bodies that makes the contact list of candidate pairs.
 
-use super::candidates::Sorted;
+use super::candidates::{Pairs, Sorted};
 use super::encoding::{decoded, encoded};
 use super::identity::identity;
 use super::manifold::Solid;
@@ -8,6 +8,7 @@ use super::narrow::{Collidable, Placed, body_contacts};
 use super::reduce::Touch;
 use super::search::{Search, surface_speeds};
 use super::sweep::{advanced, arrivals, comes_within, time_of_impact};
+use crate::assemble::of_each;
 use crate::contact::Contact;
 use crate::math::{Quat, Vec3};
 use crate::shape::Part;
@@ -15,6 +16,7 @@ use crate::world::World;
 use graintrain_ccp::Ranks;
 use parry3d_f64::bounding_volume::Aabb;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -22,7 +24,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub(super) const TASK: usize = 256;
 
 /// Contacts per body for which room is made at once.
-const USUAL: usize = 5;
+pub(super) const USUAL: usize = 5;
 
 /// Finds contacts; keeps what it derives from geometries between steps.
 #[derive(Default)]
@@ -72,29 +74,47 @@ impl Collider {
 
     fn search_around(&mut self, world: &World, search: Search) -> Vec<Contact> {
         self.update_forms(world);
-        let sorted = self.sort(world, search.envelope, search.step);
-        let bodies = world.bodies.len();
-        let all_tasks = bodies.div_ceil(TASK);
-        let own_tasks = self.ranks.as_ref().map_or(0..all_tasks, |ranks| ranks.part_of(all_tasks));
-        let tasks: Vec<Vec<Contact>> = own_tasks
-            .into_par_iter()
-            .map(|task| {
-                let own = task * TASK..((task + 1) * TASK).min(bodies);
-                let mut found = Found { contacts: Vec::with_capacity(USUAL * own.len()), ..Found::default() };
-                for body in own {
-                    if self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed)) {
-                        break;
-                    }
-                    self.contacts_of(world, &sorted, body, search, &mut found);
-                }
-                found.contacts
-            })
-            .collect();
+        let sorted = self.sort(world, search);
+        let all = world.bodies.len().div_ceil(TASK);
+        let own = self.ranks.as_ref().map_or(0..all, |ranks| ranks.part_of(all));
+        let mut pairs = self.pairs(world, &sorted, search, own.clone());
+        if let Some(ranks) = &self.ranks {
+            let words: Vec<u64> =
+                pairs.iter().flatten().map(|&[a, b]| u64::from(a) << 32 | u64::from(b)).collect();
+            pairs =
+                vec![ranks.join(&words).into_iter().map(|word| [(word >> 32) as u32, word as u32]).collect()];
+        }
+        let pairs = Pairs::new(world.bodies.len(), &pairs);
+        let of_task = |task: usize| {
+            let own = bodies_of(world, task);
+            let mut found = Found { contacts: Vec::with_capacity(USUAL * own.len()), ..Found::default() };
+            for body in own.take_while(|_| !self.is_stopped()) {
+                self.contacts_of(world, (&sorted, &pairs), body, search, &mut found);
+            }
+            found.contacts
+        };
+        let tasks: Vec<Vec<Contact>> = own.into_par_iter().map(of_task).collect();
         let mut contacts = tasks.concat();
         if let Some(ranks) = &self.ranks {
             contacts = decoded(&ranks.join(&encoded(&contacts)));
         }
         contacts
+    }
+
+    /// [`Self::pairs_of`] the bodies of these tasks, task by task.
+    fn pairs(
+        &self,
+        world: &World,
+        sorted: &Sorted,
+        search: Search,
+        tasks: Range<usize>,
+    ) -> Vec<Vec<[u32; 2]>> {
+        let of_task = |task: usize| self.pairs_of(world, sorted, bodies_of(world, task), search.margin());
+        tasks.into_par_iter().map(of_task).collect()
+    }
+
+    pub(super) fn is_stopped(&self) -> bool {
+        self.stop.as_ref().is_some_and(|stop| stop.load(Ordering::Relaxed))
     }
 
     /// The contact with the least gap among those with none or overlap that `counts`; no others are kept:
@@ -106,19 +126,20 @@ impl Collider {
     ) -> Option<Contact> {
         self.update_forms(world);
         let search = Search { envelope: 0.0, step: 0.0, fall: 0.0, meeting: false };
-        let sorted = self.sort(world, search.envelope, search.step);
+        let sorted = self.sort(world, search);
+        let tasks = 0..world.bodies.len().div_ceil(TASK);
+        let pairs = Pairs::new(world.bodies.len(), &self.pairs(world, &sorted, search, tasks.clone()));
         let deeper = |a: &Contact, b: &Contact| a.gap.total_cmp(&b.gap);
-        let bodies = world.bodies.len();
         let of_task = |task: usize| {
             let mut found = Found::default();
             let of_body = |body: usize| {
                 found.contacts.clear();
-                self.contacts_of(world, &sorted, body, search, &mut found);
+                self.contacts_of(world, (&sorted, &pairs), body, search, &mut found);
                 found.contacts.iter().filter(|c| counts(c)).copied().min_by(deeper)
             };
-            (task * TASK..((task + 1) * TASK).min(bodies)).filter_map(of_body).min_by(deeper)
+            bodies_of(world, task).filter_map(of_body).min_by(deeper)
         };
-        let of_tasks: Vec<_> = (0..bodies.div_ceil(TASK)).into_par_iter().map(of_task).collect();
+        let of_tasks: Vec<_> = tasks.into_par_iter().map(of_task).collect();
         of_tasks.into_iter().flatten().min_by(deeper)
     }
 
@@ -265,30 +286,36 @@ impl Collider {
         [seen, allowed]: [f64; 2],
     ) -> Vec<Contact> {
         let pair = |contact: &Contact| [contact.body_a, contact.body_b];
-        let of = |body: u32| [0, 3].map(|k| Vec3::from_slice(&velocity[6 * body as usize + k..][..3]));
-        let of_pair = |group: &[(Contact, f64)]| {
-            let (first, bodies) = (&group[0].0, pair(&group[0].0));
-            let velocities = bodies.map(of);
-            if bodies.iter().all(|&body| self.is_ball(world, body as usize)) {
-                let past = |(c, _): &(Contact, f64)| self.balls_past(world, c, velocities, step);
-                return group.iter().map(past).collect();
-            }
+        let velocities = |contact: &Contact| {
+            pair(contact)
+                .map(|body| [0, 3].map(|k| Vec3::from_slice(&velocity[6 * body as usize + k..][..3])))
+        };
+        let are_balls =
+            |c: &Contact| self.is_ball(world, c.body_a as usize) && self.is_ball(world, c.body_b as usize);
+        let past = |c: &Contact| {
+            if are_balls(c) { self.balls_past(world, c, velocities(c), step) } else { *c }
+        };
+        let mut moved = of_each(contacts, past);
+        // Other pairs have several contacts, one behind the other.
+        let others: Vec<usize> = (0..contacts.len()).filter(|&i| !are_balls(&contacts[i])).collect();
+        let is_one = |i: &usize, j: &usize| pair(&contacts[*i]) == pair(&contacts[*j]);
+        let gaps = others.par_chunk_by(is_one).flat_map_iter(|group| {
+            let first = &contacts[group[0]];
             let size = self.contact_size(world, first);
-            let closes = |(c, closed): &&(Contact, f64)| c.gap > 0.0 && *closed > c.gap + seen * size;
-            let least = group.iter().filter(closes).map(|(c, closed)| closed - c.gap).reduce(f64::min);
+            let closed = |i: usize| -step * u[3 * i];
+            let closes = |i: usize| contacts[i].gap > 0.0 && closed(i) > contacts[i].gap + seen * size;
+            let closing = group.iter().copied().filter(|&i| closes(i));
+            let least = closing.clone().map(|i| closed(i) - contacts[i].gap).reduce(f64::min);
             let passes = least.is_some_and(|least| {
                 let allowed = (allowed * least).min(seen * size);
-                self.pass_freely(world, bodies, velocities, step, &[allowed], 0.0)[0]
+                self.pass_freely(world, pair(first), velocities(first), step, &[allowed], 0.0)[0]
             });
-            let moved = |known: &(Contact, f64)| match known {
-                (c, closed) if passes && closes(&known) => Contact { gap: *closed, ..*c },
-                (c, _) => *c,
-            };
-            group.iter().map(moved).collect::<Vec<_>>()
-        };
-        let closed = u.chunks_exact(3).map(|u| -step * u[0]);
-        let known: Vec<_> = contacts.iter().copied().zip(closed).collect();
-        known.par_chunk_by(|c, d| pair(&c.0) == pair(&d.0)).flat_map_iter(of_pair).collect()
+            closing.filter(|_| passes).map(|i| (i, closed(i))).collect::<Vec<_>>()
+        });
+        for (i, gap) in gaps.collect::<Vec<_>>() {
+            moved[i].gap = gap;
+        }
+        moved
     }
 
     /// [`Self::flown_past`] of two balls:
@@ -382,41 +409,25 @@ impl Collider {
     }
 
     /// Bodies that may touch `body` as A: those of the grid, then all others.
-    fn partners_of(&self, world: &World, sorted: &Sorted, body: usize, search: Search, found: &mut Found) {
+    fn partners_of(
+        &self,
+        world: &World,
+        (sorted, pairs): (&Sorted, &Pairs),
+        body: usize,
+        search: Search,
+        found: &mut Found,
+    ) {
         let me = self.placed(world, body);
-        let margin = search.envelope.max(search.fall);
+        let margin = search.margin();
         let radius = me.form.bounding_radius;
         let similar = sorted.in_grid[body];
-        let Found { near, balls, others, .. } = found;
-        balls.clear();
+        let Found { balls, others, .. } = found;
         others.clear();
-        if similar {
-            let grid = &sorted.grid;
-            let farthest = radius + sorted.largest + margin + sorted.approach_of_any(body);
-            let farthest = farthest * farthest * (1.0 + 1e-9);
-            near.clear();
-            grid.around(me.position, |range| {
-                // Without a branch: of what is near, which body has the higher number is anybody's guess.
-                let mut count = near.len();
-                near.resize(count + range.len(), 0);
-                for slot in range {
-                    let apart = (me.position - grid.centre[slot]).length_squared();
-                    near[count] = slot as u32;
-                    count += usize::from((apart <= farthest) & (grid.body[slot] as usize > body));
-                }
-                near.truncate(count);
-            });
-            for &slot in near.iter() {
-                let (slot, other) = (slot as usize, grid.body[slot as usize]);
-                let reach = radius + grid.radius[slot] + margin + sorted.approach([body as u32, other]);
-                if (me.position - grid.centre[slot]).length_squared() <= reach * reach {
-                    balls.push(other);
-                }
-            }
-            balls.sort_unstable();
-            if world.cell().is_some() {
-                balls.dedup();
-            }
+        balls.clear();
+        balls.extend_from_slice(pairs.of(body));
+        balls.sort_unstable();
+        if world.cell().is_some() {
+            balls.dedup();
         }
         if radius.is_finite() {
             let around = if similar {
@@ -449,10 +460,17 @@ impl Collider {
     }
 
     /// Contacts of which `body` is A.
-    fn contacts_of(&self, world: &World, sorted: &Sorted, body: usize, search: Search, found: &mut Found) {
-        self.partners_of(world, sorted, body, search, found);
+    fn contacts_of(
+        &self,
+        world: &World,
+        (sorted, pairs): (&Sorted, &Pairs),
+        body: usize,
+        search: Search,
+        found: &mut Found,
+    ) {
+        self.partners_of(world, (sorted, pairs), body, search, found);
         let me = self.placed(world, body);
-        let margin = search.envelope.max(search.fall);
+        let margin = search.margin();
         let prescribed = world.is_prescribed(body);
         let Found { balls, others, touches, contacts, .. } = found;
         for &other in balls.iter().chain(others.iter()) {
@@ -582,6 +600,11 @@ const POSES: f64 = 512.0;
 /// Turn of a body within a step, rad, up to which a fixed normal does.
 const TURN: f64 = 0.3;
 
+/// The bodies of a task.
+fn bodies_of(world: &World, task: usize) -> Range<usize> {
+    task * TASK..((task + 1) * TASK).min(world.bodies.len())
+}
+
 fn contact([body_a, body_b]: [u32; 2], touch: &Touch) -> Contact {
     Contact {
         body_a,
@@ -598,8 +621,6 @@ fn contact([body_a, body_b]: [u32; 2], touch: &Touch) -> Contact {
 /// Contacts of one task, with scratch.
 #[derive(Default)]
 struct Found {
-    /// Slots of the grid.
-    near: Vec<u32>,
     balls: Vec<u32>,
     others: Vec<u32>,
     touches: Vec<Touch>,

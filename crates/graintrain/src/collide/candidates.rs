@@ -1,24 +1,26 @@
 //! Candidate pairs: bodies by how their neighbours are found, in a cell list, in a tree, or beside planes.
 
-use super::broad::{Collider, TASK};
+use super::broad::{Collider, TASK, USUAL};
 use super::grid::Grid;
 use super::mesh::turned_bounds;
 use super::narrow::Placed;
+use super::search::Search;
 use crate::math::{Mat3, Vec3};
 use crate::shape::{Part, Shape};
 use crate::world::World;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Bodies up to this multiple of the median bounding radius go into the cell list.
 const SIMILAR: f64 = 2.5;
 
 /// Bodies by how their neighbours are found.
 pub(super) struct Sorted {
-    pub(super) grid: Grid,
-    /// The largest travel of the bodies in it, m.
-    farthest: Travel,
+    grid: Grid,
+    /// [`Travel::approach_to_slower`] in the order of the grid, m.
+    approach_of_slot: Vec<f64>,
     /// How far the surface of each body may travel within the step, m: at rest, and in the frame that moves
     /// with the mean velocity.
     pub(super) travel: Vec<Travel>,
@@ -47,6 +49,14 @@ pub(super) struct Travel {
     pub(super) relative: f64,
 }
 
+impl Travel {
+    /// How much nearer the body may come, within the step, to one for which this is no more, m: see
+    /// [`Sorted::approach`].
+    fn approach_to_slower(self, largest: f64) -> f64 {
+        (2.0 * self.relative).max(self.own.min(largest))
+    }
+}
+
 impl Sorted {
     /// Whether two bodies do not collide.
     pub(super) fn is_ignored(&self, [a, b]: [u32; 2]) -> bool {
@@ -68,18 +78,45 @@ impl Sorted {
         approach.min(self.largest)
     }
 
-    /// How much nearer this body and any one of the grid may come within the step, m.
-    pub(super) fn approach_of_any(&self, body: usize) -> f64 {
-        let (own, any) = (self.travel[body], self.farthest);
-        (own.relative + any.relative).max(own.own.max(any.own).min(self.largest))
-    }
-
     /// Whether the two bodies may move by more than `far`, m, relative to each other within the step: `false`
     /// where bounds that are at hand say so, for most pairs.
     pub(super) fn may_travel(&self, pair: [u32; 2], far: f64) -> bool {
         let [a, b] = pair.map(|body| self.travel[body as usize].relative);
         // The bounds round, and know of the deformation of a cell only along the radii.
         self.deforms || a + b > (1.0 - 1e-9) * far
+    }
+}
+
+/// Pairs by their first bodies.
+pub(super) struct Pairs {
+    /// The second bodies of the pairs that body A begins are `second[start[A]..start[A + 1]]`.
+    start: Vec<u32>,
+    second: Vec<u32>,
+}
+
+impl Pairs {
+    /// Of so many bodies.
+    pub(super) fn new(bodies: usize, pairs: &[Vec<[u32; 2]>]) -> Self {
+        let mut start = vec![0; bodies + 1];
+        let all = || pairs.iter().flatten();
+        for [a, _] in all() {
+            start[*a as usize + 1] += 1;
+        }
+        for body in 0..bodies {
+            start[body + 1] += start[body];
+        }
+        let (mut next, mut second) = (start.clone(), vec![0; start[bodies] as usize]);
+        for [a, b] in all() {
+            let place = &mut next[*a as usize];
+            second[*place as usize] = *b;
+            *place += 1;
+        }
+        Self { start, second }
+    }
+
+    /// The second bodies of pairs that this body begins, in no order.
+    pub(super) fn of(&self, body: usize) -> &[u32] {
+        &self.second[self.start[body] as usize..self.start[body + 1] as usize]
     }
 }
 
@@ -139,7 +176,51 @@ impl Collider {
         (0..bodies.len()).into_par_iter().with_min_len(TASK).map(of).collect()
     }
 
-    pub(super) fn sort(&self, world: &World, envelope: f64, step: f64) -> Sorted {
+    /// Pairs of the grid, lower index first, that may come as near within the step as `margin`, m: those that
+    /// these bodies form with others for which [`Travel::approach_to_slower`] is less, or as much and the
+    /// index lower, so that a few fast ones make no one else look far. In no order; across the boundary of a
+    /// periodic cell some twice.
+    pub(super) fn pairs_of(
+        &self,
+        world: &World,
+        sorted: &Sorted,
+        bodies: Range<usize>,
+        margin: f64,
+    ) -> Vec<[u32; 2]> {
+        let Sorted { grid, approach_of_slot, largest, .. } = sorted;
+        let (mut pairs, mut near) = (Vec::with_capacity(USUAL * bodies.len()), Vec::new());
+        for body in bodies.filter(|&body| sorted.in_grid[body]).take_while(|_| !self.is_stopped()) {
+            let (centre, radius) = (world.bodies.position[body], self.form(world, body).bounding_radius);
+            let (me, approach) = (body as u32, sorted.travel[body].approach_to_slower(*largest));
+            let farthest = radius + largest + margin + approach;
+            let square = farthest * farthest * (1.0 + 1e-9);
+            let mut count = 0;
+            grid.around(centre, farthest, |range| {
+                if near.len() < count + range.len() {
+                    near.resize(count + range.len(), 0);
+                }
+                // Without a branch: whether one of them is near is anybody's guess.
+                let slots = grid.centre[range.clone()].iter().zip(&approach_of_slot[range.clone()]);
+                for (slot, (other, of_other)) in range.zip(slots) {
+                    near[count] = slot as u32;
+                    let is_near = (centre - *other).length_squared() <= square;
+                    count += usize::from(is_near & (*of_other <= approach));
+                }
+            });
+            for slot in near[..count].iter().map(|&slot| slot as usize) {
+                let other = grid.body[slot];
+                let reach = radius + grid.radius[slot] + margin + sorted.approach([me, other]);
+                let is_near = (centre - grid.centre[slot]).length_squared() <= reach * reach;
+                if is_near && (approach_of_slot[slot] < approach || other < me) {
+                    pairs.push([me.min(other), me.max(other)]);
+                }
+            }
+        }
+        pairs
+    }
+
+    pub(super) fn sort(&self, world: &World, search: Search) -> Sorted {
+        let step = search.step;
         let bodies = world.bodies.len();
         let radius = |body: usize| self.form(world, body).bounding_radius;
         let mut finite: Vec<f64> = (0..bodies).map(radius).filter(|&r| r.is_finite() && r > 0.0).collect();
@@ -155,28 +236,31 @@ impl Collider {
         let in_grid: Vec<bool> =
             (0..bodies).map(|body| radius(body) <= limit && travel[body].relative <= largest).collect();
         let (mut balls, mut large, mut unbounded) = (Vec::with_capacity(bodies), Vec::new(), Vec::new());
-        let mut farthest = Travel::default();
+        let mut approaches = Vec::with_capacity(bodies);
         for body in 0..bodies {
             let radius = radius(body);
             if in_grid[body] {
                 balls.push((body as u32, world.bodies.position[body], radius));
-                farthest.own = farthest.own.max(travel[body].own);
-                farthest.relative = farthest.relative.max(travel[body].relative);
+                approaches.push(travel[body].approach_to_slower(largest));
             } else if radius.is_finite() {
                 large.push(body as u32);
             } else {
                 unbounded.push(self.unbounded(world, body, step));
             }
         }
-        // Slightly larger than needed, so that rounding in the cell coordinates cannot lose a pair.
-        let fall = world.largest_acceleration() * step * step;
-        let ahead = (2.0 * farthest.relative).max(farthest.own.min(largest)) + envelope.max(fall);
-        let size = (2.0 * largest + ahead) * (1.0 + 1e-9);
+        let margin = 2.0 * largest + search.margin();
+        let farthest = (margin + approaches.iter().copied().fold(0.0, f64::max)) * (1.0 + 1e-9);
+        let middle = approaches.len() / 2;
+        let usual = if approaches.is_empty() {
+            0.0
+        } else {
+            *approaches.select_nth_unstable_by(middle, f64::total_cmp).1
+        };
         if let Some(cell) = world.cell() {
             let own = balls.len();
             for k in 0..own {
                 let (body, centre, radius) = balls[k];
-                balls.extend(cell.images(centre, size).map(|(_, image)| (body, image, radius)));
+                balls.extend(cell.images(centre, farthest).map(|(_, image)| (body, image, radius)));
             }
         }
         let wider = |body: &u32| {
@@ -191,19 +275,21 @@ impl Collider {
                 let bounds_of = bounds[k];
                 let (centre, reach) = (bounds_of.center(), bounds_of.half_extents().length());
                 // The largest may also be as fast as that.
-                for (_, image) in cell.images(centre, reach + size + largest) {
+                for (_, image) in cell.images(centre, reach + farthest + largest) {
                     let way = image - centre;
                     large.push(large[k]);
                     bounds.push(Aabb::new(bounds_of.mins + way, bounds_of.maxs + way));
                 }
             }
         }
-        let reach = if size > 0.0 { size } else { 1.0 };
+        let size = margin + usual;
+        let grid = Grid::new(&balls, if size > 0.0 { size } else { 1.0 });
+        let of_slot = |body: &u32| travel[*body as usize].approach_to_slower(largest);
         Sorted {
+            approach_of_slot: grid.body.iter().map(of_slot).collect(),
             travel,
             deforms: world.cell().is_some(),
-            grid: Grid::new(&balls, reach),
-            farthest,
+            grid,
             in_grid,
             largest,
             large,

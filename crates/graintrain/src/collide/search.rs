@@ -16,6 +16,11 @@ pub(super) struct Search {
 }
 
 impl Search {
+    /// How near pairs have to come to be looked at, m.
+    pub(super) fn margin(&self) -> f64 {
+        self.envelope.max(self.fall)
+    }
+
     /// Whether a touch lies within the envelope or may close within the step.
     pub(super) fn closes(&self, world: &World, pair: [u32; 2], largest: f64, touch: &Touch) -> bool {
         if touch.gap <= self.envelope {
