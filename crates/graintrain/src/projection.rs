@@ -133,8 +133,14 @@ impl Projection {
             }
         };
         let bodies = division.bodies.iter().map(body).collect();
-        let mut all =
-            Self { rows: Vec::with_capacity(contacts.len()), levers: Vec::new(), bodies, far, softness, division };
+        let mut all = Self {
+            rows: Vec::with_capacity(contacts.len()),
+            levers: Vec::new(),
+            bodies,
+            far,
+            softness,
+            division,
+        };
         for &(k, places) in &all.division.rows {
             let (contact, room) = contacts[k as usize];
             let normal = Vec3::from_array(contact.frame[0]);

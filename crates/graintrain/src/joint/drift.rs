@@ -5,7 +5,8 @@
 //! ```
 //!
 //! by Newton's method; for stops that were run over likewise. A mechanism that is nearly stretched out would
-//! be thrown to the other side: M is what the forces that close it stiffen bodies to ([`super::stiffening`]).
+//! be thrown to the other side: M is what the forces that close it stiffen bodies to ([`super::stiffening`]),
+//! and of what opens joints further half is taken back.
 //! The displacement leaves no velocity, so that no energy comes of it but what bodies gain against gravity,
 //! which is reported ([`crate::step_report::StepReport::correction_energy`]). Bodies that overlap were moved
 //! before, each for itself: that is what opens joints by more than rounding.
@@ -18,9 +19,17 @@ use super::{JointKind, JointState};
 use crate::integrate::{displace, inverse_mass};
 use crate::math::{Mat3, Vec3};
 use crate::world::World;
+use graintrain_ccp::BodyInverseMass;
 
 /// Corrections of one step, of which mostly one or two are made.
-const ITERATIONS: usize = 20;
+const ITERATIONS: usize = 60;
+
+/// How often bodies are made stiffer within a correction: forces that close a stretched chain make its links
+/// so stiff that others are needed, up to those that move the load.
+const STIFFENINGS: usize = 5;
+
+/// Forces that differ by less than this share stiffen alike.
+const SAME_FORCES: f64 = 0.1;
 
 /// A body is moved by no more than so many times the largest opening of its mechanism: near a dead point,
 /// where little opening asks for boundless motion, the rest is left to later steps.
@@ -125,45 +134,26 @@ fn closing(
     (z, forces)
 }
 
+/// The displacement that last closed the joints of a mechanism to first order, six numbers per body, and how
+/// open they were before: the sum of the squares of their rows, m^2.
+type Closed = (Vec<f64>, f64);
+
 /// Closes the joints of a world after a step in which they did this; returned is the displacement
 /// (translation in m and turn in rad, six numbers per body), if there was one.
 pub(crate) fn close(world: &mut World, states: &[JointState], step: f64) -> Option<Vec<f64>> {
     let mut total: Option<Vec<f64>> = None;
+    let mut known: Vec<Option<Closed>> = Vec::new();
     for _ in 0..ITERATIONS {
         let mut displacement = None;
-        let masses = if world.joints.is_empty() { Vec::new() } else { inverse_mass(world) };
-        for (bodies, joints) in connected(world) {
-            let near = world.expected_coordinates(states, step);
-            let found: Vec<(Vec<Row>, bool)> =
-                joints.iter().map(|&joint| open_rows(world, joint, &near)).collect();
-            if !found.iter().any(|(_, open)| *open) {
-                continue;
-            }
-            let held = joints
-                .iter()
-                .zip(found)
-                .flat_map(|(&joint, (rows, _))| rows.into_iter().map(move |row| (joint, row)));
-            let rows: Vec<(usize, Row)> = held.collect();
-            let mut roots: Vec<Root> = bodies.iter().map(|&body| Root::of(&masses[body as usize])).collect();
-            let (mut z, forces) = closing(world, (&bodies, &roots), (&joints, &rows), &[]);
-            let (swings, taut) = stiffness(world, (&bodies, &roots), (&joints, &forces), 1.0);
-            if !taut.is_empty() || swings.iter().any(|swing| *swing != Mat3::ZERO) {
-                roots.iter_mut().zip(swings).for_each(|(root, swing)| *root = root.with(swing));
-                (z, _) = closing(world, (&bodies, &roots), (&joints, &rows), &taut);
-            }
-            let length = joints.iter().map(|&joint| length_of(world, joint)).fold(0.0, f64::max);
-            let in_metres = |value: f64, angular: bool| value.abs() * if angular { length } else { 1.0 };
-            let opening = rows.iter().map(|(_, row)| in_metres(row.value, row.angular)).fold(0.0, f64::max);
-            let moved = roots.iter().enumerate().map(|(k, root)| root.times(&z[6 * k..]));
-            let farthest = moved.map(|[u, w]| u.length().max(length * w.length())).fold(0.0, f64::max);
-            if farthest > REACH * opening {
-                z.iter_mut().for_each(|z| *z *= REACH * opening / farthest);
-            }
+        let near = world.expected_coordinates(states, step);
+        let mechanisms = connected(world);
+        known.resize(mechanisms.len(), None);
+        let masses = if mechanisms.is_empty() { Vec::new() } else { inverse_mass(world) };
+        for ((bodies, joints), known) in mechanisms.iter().zip(&mut known) {
+            let Some(moved) = closer(world, (bodies, joints), &masses, &near, known) else { continue };
             let all = displacement.get_or_insert_with(|| vec![0.0; 6 * world.bodies.len()]);
-            for (k, &body) in bodies.iter().enumerate() {
-                let [u, w] = roots[k].times(&z[6 * k..]);
-                let moved = [u.x, u.y, u.z, w.x, w.y, w.z];
-                all[6 * body as usize..6 * body as usize + 6].copy_from_slice(&moved);
+            for (&body, own) in bodies.iter().zip(moved.chunks_exact(6)) {
+                all[6 * body as usize..6 * body as usize + 6].copy_from_slice(own);
             }
         }
         let Some(displacement) = displacement.filter(|all| all.iter().all(|x| x.is_finite())) else { break };
@@ -174,4 +164,57 @@ pub(crate) fn close(world: &mut World, states: &[JointState], step: f64) -> Opti
         }
     }
     total
+}
+
+/// The displacement of the bodies of a mechanism, six numbers each, that closes its joints to first order;
+/// half of the last one back where that opened them further. `None` where they are closed.
+fn closer(
+    world: &World,
+    (bodies, joints): (&[u32], &[usize]),
+    masses: &[BodyInverseMass],
+    near: &Near,
+    known: &mut Option<Closed>,
+) -> Option<Vec<f64>> {
+    let found: Vec<(Vec<Row>, bool)> = joints.iter().map(|&joint| open_rows(world, joint, near)).collect();
+    if !found.iter().any(|(_, open)| *open) {
+        return None;
+    }
+    let held = joints.iter().zip(found);
+    let rows: Vec<(usize, Row)> =
+        held.flat_map(|(&joint, (rows, _))| rows.into_iter().map(move |row| (joint, row))).collect();
+    let length = joints.iter().map(|&joint| length_of(world, joint)).fold(0.0, f64::max);
+    let in_metres = |row: &Row| row.value.abs() * if row.angular { length } else { 1.0 };
+    let open: f64 = rows.iter().map(|(_, row)| in_metres(row).powi(2)).sum();
+    if let Some((moved, before)) = known
+        && (open.is_nan() || open > *before)
+    {
+        moved.iter_mut().for_each(|x| *x *= 0.5);
+        return Some(moved.iter().map(|x| -x).collect());
+    }
+    let bare: Vec<Root> = bodies.iter().map(|&body| Root::of(&masses[body as usize])).collect();
+    let mut roots = bare.clone();
+    let (mut z, mut forces) = closing(world, (bodies, &roots), (joints, &rows), &[]);
+    for _ in 0..STIFFENINGS {
+        let (swings, taut) = stiffness(world, (bodies, &bare), (joints, &forces), 1.0);
+        if taut.is_empty() && swings.iter().all(|swing| *swing == Mat3::ZERO) {
+            break;
+        }
+        roots = bare.iter().zip(swings).map(|(bare, swing)| bare.with(swing)).collect();
+        let softer = forces;
+        (z, forces) = closing(world, (bodies, &roots), (joints, &rows), &taut);
+        let changes = |(a, b): (&Vec3, &Vec3)| (*a - *b).length() > SAME_FORCES * a.length();
+        if !forces.iter().zip(&softer).any(changes) {
+            break;
+        }
+    }
+    let moved = roots.iter().enumerate().map(|(k, root)| root.times(&z[6 * k..]));
+    let mut moved: Vec<f64> = moved.flat_map(|[u, w]| [u.x, u.y, u.z, w.x, w.y, w.z]).collect();
+    let parts = moved.chunks_exact(6).map(|q| [Vec3::from_slice(&q[..3]), Vec3::from_slice(&q[3..])]);
+    let farthest = parts.map(|[u, w]| u.length().max(length * w.length())).fold(0.0, f64::max);
+    let opening = rows.iter().map(|(_, row)| in_metres(row)).fold(0.0, f64::max);
+    if farthest > REACH * opening {
+        moved.iter_mut().for_each(|x| *x *= REACH * opening / farthest);
+    }
+    *known = Some((moved.clone(), open));
+    Some(moved)
 }

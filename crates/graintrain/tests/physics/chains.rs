@@ -179,6 +179,47 @@ fn chains_of_light_links_and_a_heavy_one_swing() {
     }
 }
 
+/// A chain of hinged links of 1 g and 0.3 m that stands folded above its first hinge, the last link a million
+/// times as heavy: that falls freely, until it jerks the slack chain straight within one step. The jerk takes
+/// energy, as any inelastic impact does; joints stay closed.
+#[test]
+fn a_falling_weight_jerks_a_slack_chain_straight() {
+    let (length, fold) = (0.3, 0.4_f64);
+    for (links, ratio, step) in
+        [(6, 1e6, 5e-3), (6, 1e6, 2e-3), (6, 1e6, 5e-4), (6, 1e3, 2e-3), (12, 1e6, 2e-3)]
+    {
+        let mut world = earth();
+        let (mut pin, mut above) = (Vec3::ZERO, None);
+        for k in 0..links {
+            let (sine, cosine) = (fold * k as f64).sin_cos();
+            let next = pin + length * Vec3::new(cosine, 0.0, sine);
+            let mass = if k + 1 == links { 1e-3 * ratio } else { 1e-3 };
+            let link = lump(&mut world, 0.5 * (pin + next), mass, Vec3::splat(0.1 * mass * length * length));
+            world.add_joint(Joint::revolute(above, link, pin, Vec3::Y)).unwrap();
+            (pin, above) = (next, Some(link));
+        }
+        let mut stepper = stepper(step, FrictionModel::Coulomb);
+        let (mut start, mut lost, mut fastest) = (None, 0.0_f64, 0.0_f64);
+        for k in 0..(1.2 / step).round() as usize {
+            let before = world.bodies.position.clone();
+            let report = stepper.step(&mut world).unwrap();
+            let at = format!("{links} {ratio} {step}: step {k}");
+            assert_eq!(report.solve.status, Status::Converged, "{at}: {:?}", report.solve.remark);
+            let open = report.errors.joint_opening_max;
+            assert!(open < 1e-9 * length, "{at}: {open}");
+            // Velocities are those of the middle of the step.
+            let places = before.iter().zip(&world.bodies.position).zip(&world.bodies.mass);
+            let height: f64 = places.map(|((a, b), mass)| 0.5 * mass * (a.z + b.z)).sum();
+            let energy = report.kinetic_energy + GRAVITY * height;
+            fastest = fastest.max(report.kinetic_energy);
+            let rise = energy - *start.get_or_insert(energy);
+            assert!(rise < 1e-3 * fastest, "{at}: {rise} of {fastest}");
+            lost = lost.min(rise);
+        }
+        assert!(lost < -0.3 * fastest, "{links} {ratio} {step}: {lost} of {fastest}");
+    }
+}
+
 /// Beads of 0.1 g on rods without mass over a drum, with weights of 1.5 kg and 1 kg: they roll, so that the
 /// weights fall as over a pulley.
 #[test]
