@@ -18,6 +18,7 @@ use graintrain_ccp::{Ccp, CellModes, Delassus, RigidContact, RigidDelassus};
 use std::sync::Arc;
 
 /// The free components of L as contacts see them.
+#[derive(Clone)]
 pub(crate) struct CellRows {
     modes: CellModes,
     /// Frames of the contacts across the boundary.

@@ -28,6 +28,9 @@ use std::collections::{HashMap, HashSet};
 /// What parts of few contacts are solved to, over the tolerance, where motors and stops are bounds.
 const ROUGH: f64 = 1e-2;
 
+/// Solves of the contacts for the components of a periodic cell that come beyond their largest rates.
+const CELL_ROUNDS: usize = 12;
+
 /// A solved contact problem with what a periodic cell does.
 struct WithCell {
     solved: Solved,
@@ -367,8 +370,10 @@ impl Stepper {
         }
     }
 
-    /// Solves the problem together with the rates of a periodic cell whose stress is imposed. Components that
-    /// come beyond the largest rate are brought back to it and all is found again. r follows the rates.
+    /// Solves the problem together with the rates of a periodic cell whose stress is imposed. A component that
+    /// comes beyond its largest rate is held there, as by a press that can go no faster, as long as its
+    /// stress and the contacts together would make it faster: below, the whole stress acts on it. r follows
+    /// the rates.
     fn solve_with_cell(
         &mut self,
         posing: &mut Posing<'_>,
@@ -386,39 +391,42 @@ impl Stepper {
             }
             _ => None,
         };
-        let (Some(mut rows), Some(cell_now)) = (rows, &mut cell) else {
+        let (Some(loose), Some(cell_now)) = (rows, &mut cell) else {
             let solved = self.solve(world, problem, impulse, *unsolved)?;
             return Ok(WithCell { solved, posed: None, cell });
         };
         let pulls: Vec<f64> = active.iter().filter_map(|&i| pulls.get(i as usize).copied()).collect();
-        let by_pulls = rows.change_by_pulls(&pulls);
+        let by_pulls = loose.change_by_pulls(&pulls);
         let change: [f64; 6] = std::array::from_fn(|k| impacts.rate[k] + by_pulls[k]);
-        let mut free: [f64; 6] = std::array::from_fn(|k| cell_now.rate[k] + change[k]);
-        rows.shift(&change, &mut problem.r);
-        rescale(problem, world.gravity.length(), step);
-        let mut last: Option<SolveReport> = None;
+        let free: [f64; 6] = std::array::from_fn(|k| cell_now.rate[k] + change[k]);
+        loose.shift(&change, &mut problem.r);
+        let mut held: [Option<f64>; 6] = [None; 6];
+        let (mut last, mut rounds): (Option<SolveReport>, usize) = (None, 0);
         loop {
+            rescale(problem, world.gravity.length(), step);
+            let mut rows = loose.clone();
+            rows.hold(|k| held[k].is_some());
             let posed = (!rows.is_empty()).then(|| rows.posed(problem));
             let mut solved = self.solve(world, posed.as_ref().unwrap_or(problem), impulse, *unsolved)?;
             if let Some(last) = &last {
                 solved.report = solved.report.after(last);
             }
-            let by_contacts = rows.rate_change(impulse);
+            let by_contacts = loose.rate_change(impulse);
             cell_now.rate = std::array::from_fn(|k| free[k] + by_contacts[k]);
             let beyond = cell_now.beyond(time, step);
-            let change: [f64; 6] = std::array::from_fn(|k| beyond[k].map_or(0.0, |limit| limit - free[k]));
-            if beyond == [None; 6] || solved.report.status == Status::Stopped {
+            cell_now.rate = std::array::from_fn(|k| held[k].unwrap_or(cell_now.rate[k]));
+            if beyond == held || solved.report.status == Status::Stopped || rounds == CELL_ROUNDS {
                 check_cell(cell_now, time, step, &mut solved.report);
+                if beyond != held && solved.report.status == Status::Converged {
+                    solved.report.status = Status::IterationLimit;
+                    solved.report.remark =
+                        Some("the largest rates of the periodic cell and its contacts did not agree".into());
+                }
                 return Ok(WithCell { solved, posed, cell });
             }
-            rows.shift(&change, &mut problem.r);
-            // What its stress drives too fast presses less in this step, and contacts still stop it. What
-            // they throw is held.
-            rows.hold(|k| beyond[k].is_some_and(|limit| limit * free[k] <= limit * limit));
-            rescale(problem, world.gravity.length(), step);
-            // Not the sum with the change: that of a very large rate rounds.
-            free = std::array::from_fn(|k| beyond[k].unwrap_or(free[k]));
-            last = Some(solved.report);
+            let rate = |limit: [Option<f64>; 6], k: usize| limit[k].unwrap_or(free[k]);
+            loose.shift(&std::array::from_fn(|k| rate(beyond, k) - rate(held, k)), &mut problem.r);
+            (held, last, rounds) = (beyond, Some(solved.report), rounds + 1);
         }
     }
 
