@@ -54,8 +54,8 @@ pub struct Parameters {
     /// Sweeps carry a correction from contact to contact, and one cut short pushes overlap from here to
     /// there: a tall column of few contacts gets as many as so many visits to contacts allow.
     pub visits: usize,
-    /// Softness of a contact per sweep fewer: what so many sweeps do not carry on is given up, so that what is
-    /// jammed has a solution.
+    /// Softness of a contact per sweep fewer: what so many sweeps do not carry on is given up, so that what
+    /// is jammed has a solution.
     pub softness: f64,
     /// Corrections of what a step did not foresee, one after the other: a displacement turns bodies, too.
     pub rounds: usize,

@@ -113,6 +113,19 @@ fn a_resting_elastic_overlap_is_no_mistake() {
     assert!(error.contains("overlap at the start"), "{error}");
 }
 
+/// Where there is no room for a packing, as after a typing error in a radius, its bodies are not moved apart
+/// for minutes.
+#[test]
+fn a_packing_without_room_is_refused_soon() {
+    let scene = "[time]\nstep = \"1 ms\"\nsteps = 5\n[contact]\nrelax = true\n[material.soft]\nstiffness = 1e5\n[material.hard]
+[[pair]]\nmaterials = [\"soft\", \"hard\"]\nstiffness = 1e5\n[body.floor]\nshape = { plane = {} }\nmaterial = \"hard\"
+[packing.small]\nmaterial = \"soft\"\nradius = 0.05\nlattice = { counts = [4, 4, 4], pitch = 0.11, origin = [0, 0, 0.1] }
+[packing.large]\nmaterial = \"hard\"\nradius = 1e5\nlattice = { counts = [1, 1, 1], pitch = 0.2, origin = [3, 0, 0] }
+[body.lid]\nshape = { plane = {} }\nmaterial = \"hard\"\nposition = [0, 0, 2]\nrotation = { axis = [1, 0, 0], angle = \"180 deg\" }\n";
+    let error = build(scene).err().unwrap();
+    assert!(error.contains("overlap at the start"), "{error}");
+}
+
 /// Elastic, cohesive and hull-shaped bodies go on from a checkpoint with the same bits.
 #[test]
 fn a_checkpoint_goes_on_with_the_same_bits() {

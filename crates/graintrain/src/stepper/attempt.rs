@@ -370,8 +370,8 @@ impl Stepper {
         }
     }
 
-    /// Solves the problem together with the rates of a periodic cell whose stress is imposed. A component that
-    /// comes beyond its largest rate is held there, as by a press that can go no faster, as long as its
+    /// Solves the problem together with the rates of a periodic cell whose stress is imposed. A component
+    /// that comes beyond its largest rate is held there, as by a press that can go no faster, as long as its
     /// stress and the contacts together would make it faster: below, the whole stress acts on it. r follows
     /// the rates.
     fn solve_with_cell(

@@ -604,6 +604,37 @@ fn a_cell_that_closes_at_its_largest_rate_is_stopped_by_contacts() {
     }
 }
 
+/// Grains without friction that a press with a largest speed jams: one component after the other comes beyond
+/// its largest rate on the way, and each gets its whole stress once contacts make it slower. At the end all
+/// stresses are those imposed and nothing moves.
+#[test]
+fn a_press_with_a_largest_speed_reaches_its_stress() {
+    let step = 2e-3;
+    for (seed, imposed, fastest) in [(1, 1e4, 1.0), (2, 1e4, 0.3), (3, 1e6, 1.0), (4, 1e4, 1.0)] {
+        let mut world = empty(0.0, 0.0);
+        let mut next = random(seed);
+        let mut vector = || Vec3::new(next(), next(), next()) - 0.5;
+        for k in 0..27_u32 {
+            let place = Vec3::from([k % 3, k / 3 % 3, k / 9].map(|n| (f64::from(n) + 0.5) / 3.0));
+            let ball = add_sphere(&mut world, 0.158, place + 0.01 * vector());
+            world.bodies.velocity[ball] = 0.3 * vector();
+            world.bodies.mass[ball] = 0.5;
+        }
+        world.set_cell(Some(Cell { drive: pressed(imposed), fastest, ..held(1.0) })).unwrap();
+        let mut stepper = Stepper::new(StepSettings { step, ..StepSettings::default() }).unwrap();
+        let all = vec![true; world.bodies.len()];
+        for k in 0..400 {
+            solved_step(&mut stepper, &mut world);
+            let tensor = stress(&world, step, &all, world.cell().unwrap().volume()).contact;
+            let on_axes = [tensor.x_axis.x, tensor.y_axis.y, tensor.z_axis.z];
+            let is_met = on_axes.iter().all(|own| (own.abs() / imposed - 1.0).abs() < 0.01);
+            assert!(k < 300 || is_met, "{seed} step {k}: {on_axes:?}");
+        }
+        let rate = world.cell().unwrap().rate;
+        assert!(rate.iter().all(|rate| rate.abs() < 0.05), "{seed}: {rate:?}");
+    }
+}
+
 /// Steps until one is refused: what is said, with the world as it was before that step.
 fn refusal(world: &mut World, steps: usize) -> Option<String> {
     let mut stepper = stepper(1e-3, 0.01, 1e-6, Relaxed);

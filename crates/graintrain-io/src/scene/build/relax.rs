@@ -1,5 +1,6 @@
 //! Bodies that overlap are moved apart before a run.
 
+use graintrain::ccp::FrictionModel;
 use graintrain::cell::{Cell, Drive};
 use graintrain::collide::deepest_overlap;
 use graintrain::math::Vec3;
@@ -10,12 +11,12 @@ use graintrain::world::World;
 /// Steps after which bodies that still overlap are left to the check that follows.
 const STEPS: usize = 2_000;
 
-/// Steps within which the deepest overlap has to become less by a tenth: bodies for which there is no room
-/// are left to that check, too.
+/// Steps within which the deepest overlap has to become half of itself: bodies for which there is no room are
+/// left to that check, too.
 const PATIENCE: usize = 50;
 
 /// Iterations of a solve: nothing moves but what elastic contacts push, which is to cost no minutes.
-const ITERATIONS: usize = 200;
+const ITERATIONS: usize = 20;
 
 /// Moves bodies apart until none overlaps another by more than `allowed` (m), by steps without forces and
 /// velocities: what is left of those is the removal of overlap, which displaces each body by as little as
@@ -36,7 +37,8 @@ pub(super) fn relax(world: &mut World, envelope: f64, allowed: f64) {
         let _ = still.set_cell(Some(Cell { drive: [Drive::HELD; 6], ..cell }));
     }
     still.motions.iter_mut().for_each(|motion| *motion = Motion::fixed().with_free(motion.free));
-    let solver = SolverChoice { max_iterations: Some(ITERATIONS), ..SolverChoice::default() };
+    let (max_iterations, friction) = (Some(ITERATIONS), FrictionModel::Relaxed);
+    let solver = SolverChoice { max_iterations, friction, ..SolverChoice::default() };
     let Ok(mut stepper) = Stepper::new(StepSettings { envelope, solver, ..StepSettings::default() }) else {
         return;
     };
@@ -47,7 +49,7 @@ pub(super) fn relax(world: &mut World, envelope: f64, allowed: f64) {
             break;
         }
         let left = depth(&still);
-        if left < 0.9 * deepest {
+        if left < 0.5 * deepest {
             (deepest, since) = (left, step);
         }
         if left <= allowed || step - since > PATIENCE {
