@@ -90,7 +90,14 @@ fn trust(summary: &Summary) -> String {
         }
         _ => String::new(),
     };
-    format!("{solved}, {met}, {overlap}{apart}")
+    let lowered = match summary.figures.restitution_lowered {
+        0 => String::new(),
+        parts => format!(
+            ", impacts took more energy than their restitution says {}: try a shorter step",
+            counted(parts, "time", "times")
+        ),
+    };
+    format!("{solved}, {met}, {overlap}{apart}{lowered}")
 }
 
 /// The figures of the run, a name and a value per line.

@@ -134,9 +134,10 @@ fn closing(
     (z, forces)
 }
 
-/// The displacement that last closed the joints of a mechanism to first order, six numbers per body, and how
-/// open they were before: the sum of the squares of their rows, m^2.
-type Closed = (Vec<f64>, f64);
+/// The displacement that last closed the joints of a mechanism to first order, six numbers per body, how
+/// open they were before, the sum of the squares of their rows, m^2, and how many of these there were: with
+/// stops that are run over there are more.
+type Closed = (Vec<f64>, f64, usize);
 
 /// Closes the joints of a world after a step in which they did this; returned is the displacement
 /// (translation in m and turn in rad, six numbers per body), if there was one.
@@ -185,7 +186,8 @@ fn closer(
     let length = joints.iter().map(|&joint| length_of(world, joint)).fold(0.0, f64::max);
     let in_metres = |row: &Row| row.value.abs() * if row.angular { length } else { 1.0 };
     let open: f64 = rows.iter().map(|(_, row)| in_metres(row).powi(2)).sum();
-    if let Some((moved, before)) = known
+    if let Some((moved, before, count)) = known
+        && *count == rows.len()
         && (open.is_nan() || open > *before)
     {
         moved.iter_mut().for_each(|x| *x *= 0.5);
@@ -215,6 +217,6 @@ fn closer(
     if farthest > REACH * opening {
         moved.iter_mut().for_each(|x| *x *= REACH * opening / farthest);
     }
-    *known = Some((moved.clone(), open));
+    *known = Some((moved.clone(), open, rows.len()));
     Some(moved)
 }
