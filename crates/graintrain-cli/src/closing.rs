@@ -93,8 +93,8 @@ fn trust(summary: &Summary) -> String {
     let lowered = match summary.figures.restitution_lowered {
         0 => String::new(),
         parts => format!(
-            ", impacts took more energy than their restitution says {}: try a shorter step",
-            counted(parts, "time", "times")
+            ", restitution was lowered in {} (shorter steps may help)",
+            counted(parts, "group of impacts", "groups of impacts")
         ),
     };
     format!("{solved}, {met}, {overlap}{apart}{lowered}")

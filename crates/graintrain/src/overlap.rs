@@ -8,9 +8,9 @@
 //! min 1/2 dq^T M dq   subject to   Phi_i + dt D_i,n^T v+ + D_i,n^T dq >= target_i
 //! ```
 //!
-//! whose optimality conditions are a contact problem without friction with the same N (solved to few digits
-//! by `projection`). The displacement leaves no velocity, so a state that came with overlaps gets no kinetic
-//! energy from them, whatever the step; what it does against gravity is reported.
+//! whose optimality conditions are a contact problem without friction with the same N (solved to few digits,
+//! with a little softness, by `projection`). The displacement leaves no velocity, so a state that came with
+//! overlaps gets no kinetic energy from them, whatever the step; what it does against gravity is reported.
 //!
 //! What a step adds to an overlap because bodies that turn are not where the linearised gap says (a disc that
 //! wobbles nearly flat changes the place where it stands by a tenth of a radian of its rim in a step) is

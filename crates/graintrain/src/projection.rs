@@ -4,10 +4,14 @@
 //! find lambda_i >= 0 perpendicular to room_i + D_i,n^T q + a N_ii lambda_i >= 0,     q = M^-1 D_n lambda
 //! ```
 //!
-//! contact after contact,
-//! `lambda_i <- max(0, lambda_i - (room_i + D_i,n^T q + a N_ii lambda_i) / (1 + a) N_ii)`, there and back in
-//! turn. The softness a > 0 leaves a solution where bodies are jammed: without, a sweep after the other would
-//! throw them to and fro. One scalar per contact, no matrix and no preparation. Contacts that stay open are
+//! contact after contact, there and back in turn,
+//!
+//! ```text
+//! lambda_i <- max(0, lambda_i - (room_i + D_i,n^T q + a N_ii lambda_i) / ((1 + a) N_ii))
+//! ```
+//!
+//! The softness a > 0 leaves a solution where bodies are jammed: without, a sweep after the other would throw
+//! them to and fro. One scalar per contact, no matrix and no preparation. Contacts that stay open are
 //! passed over in most sweeps, and looked at before it ends. Cost of a sweep: linear in the contacts. Threads
 //! share a sweep over many contacts slab by slab ([`division`]), in an order that does not depend on their
 //! number.

@@ -127,18 +127,21 @@ impl Collider {
         self.update_forms(world);
         let search = Search { envelope: 0.0, step: 0.0, fall: 0.0, meeting: false };
         let sorted = self.sort(world, search);
-        let tasks = 0..world.bodies.len().div_ceil(TASK);
-        let pairs = Pairs::new(world.bodies.len(), &self.pairs(world, &sorted, search, tasks.clone()));
         let deeper = |a: &Contact, b: &Contact| a.gap.total_cmp(&b.gap);
         let of_task = |task: usize| {
             let mut found = Found::default();
             let of_body = |body: usize| {
                 found.contacts.clear();
-                self.contacts_of(world, (&sorted, &pairs), body, search, &mut found);
+                for pair in self.pairs_of(world, &sorted, body..body + 1, search.margin()) {
+                    self.contacts_of_two(world, &sorted, pair, search, &mut found);
+                }
+                self.others_of(world, &sorted, body, search, &mut found);
+                self.contacts_of_partners(world, &sorted, body, search, &mut found);
                 found.contacts.iter().filter(|c| counts(c)).copied().min_by(deeper)
             };
             bodies_of(world, task).filter_map(of_body).min_by(deeper)
         };
+        let tasks = 0..world.bodies.len().div_ceil(TASK);
         let of_tasks: Vec<_> = tasks.into_par_iter().map(of_task).collect();
         of_tasks.into_iter().flatten().min_by(deeper)
     }
@@ -408,8 +411,8 @@ impl Collider {
         ([a, b], image)
     }
 
-    /// Bodies that may touch `body` as A: those of the grid, then all others.
-    fn partners_of(
+    /// Contacts of which `body` is A: those with bodies of the grid, then all others.
+    fn contacts_of(
         &self,
         world: &World,
         (sorted, pairs): (&Sorted, &Pairs),
@@ -417,18 +420,25 @@ impl Collider {
         search: Search,
         found: &mut Found,
     ) {
+        found.partners.clear();
+        found.partners.extend_from_slice(pairs.of(body));
+        found.partners.sort_unstable();
+        if world.cell().is_some() {
+            found.partners.dedup();
+        }
+        self.contacts_of_partners(world, sorted, body, search, found);
+        self.others_of(world, sorted, body, search, found);
+        self.contacts_of_partners(world, sorted, body, search, found);
+    }
+
+    /// Makes the partners of `body` as A those that are not of the grid.
+    fn others_of(&self, world: &World, sorted: &Sorted, body: usize, search: Search, found: &mut Found) {
         let me = self.placed(world, body);
         let margin = search.margin();
         let radius = me.form.bounding_radius;
         let similar = sorted.in_grid[body];
-        let Found { balls, others, .. } = found;
+        let others = &mut found.partners;
         others.clear();
-        balls.clear();
-        balls.extend_from_slice(pairs.of(body));
-        balls.sort_unstable();
-        if world.cell().is_some() {
-            balls.dedup();
-        }
         if radius.is_finite() {
             let around = if similar {
                 Aabb::new(me.position - radius, me.position + radius)
@@ -459,57 +469,65 @@ impl Collider {
         }
     }
 
-    /// Contacts of which `body` is A.
-    fn contacts_of(
+    /// Contacts of a body as A with each of the partners found.
+    fn contacts_of_partners(
         &self,
         world: &World,
-        (sorted, pairs): (&Sorted, &Pairs),
+        sorted: &Sorted,
         body: usize,
         search: Search,
         found: &mut Found,
     ) {
-        self.partners_of(world, (sorted, pairs), body, search, found);
-        let me = self.placed(world, body);
-        let margin = search.margin();
-        let prescribed = world.is_prescribed(body);
-        let Found { balls, others, touches, contacts, .. } = found;
-        for &other in balls.iter().chain(others.iter()) {
-            let pair = [body as u32, other];
-            if prescribed && world.is_prescribed(other as usize) || sorted.is_ignored(pair) {
-                continue;
-            }
-            touches.clear();
-            let ([_, them], image) = self.placed_pair(world, pair);
-            let far = FAST * me.form.size.min(them.form.size);
-            let is_fast =
-                sorted.may_travel(pair, far) && self.relative_travel(world, pair, search.step) > far;
-            let is_held = prescribed || world.is_prescribed(other as usize);
-            // What fast ones meet on their way is found apart.
-            let approach =
-                if is_fast { sorted.approach_at_rest(pair, is_held) } else { sorted.approach(pair) };
-            let ahead = margin + approach;
-            match (me.form.ball, them.form.ball) {
-                (Some(r_a), Some(r_b)) => {
-                    if search.meeting {
-                        let [[u_a, _], [u_b, _]] = world.pair_velocities(pair);
-                        let gap = (me.position - them.position).length() - r_a - r_b;
-                        if search.step * (u_a - u_b).length() <= gap {
-                            continue;
-                        }
-                    }
-                    ball_contact(me.position, r_a, them.position, r_b, ahead, touches);
-                }
-                _ => body_contacts(me, them, ahead, touches),
-            }
-            let first = contacts.len();
-            if is_fast {
-                self.arrivals(world, pair, sorted.largest, search, touches, contacts);
-            } else {
-                let closes = |touch: &&Touch| search.closes(world, pair, sorted.largest, touch);
-                contacts.extend(touches.iter().filter(closes).map(|touch| contact(pair, touch)));
-            }
-            contacts[first..].iter_mut().for_each(|contact| contact.image = image);
+        let partners = std::mem::take(&mut found.partners);
+        for &other in &partners {
+            self.contacts_of_two(world, sorted, [body as u32, other], search, found);
         }
+        found.partners = partners;
+    }
+
+    /// Contacts of two bodies.
+    fn contacts_of_two(
+        &self,
+        world: &World,
+        sorted: &Sorted,
+        pair: [u32; 2],
+        search: Search,
+        found: &mut Found,
+    ) {
+        let prescribed = pair.map(|body| world.is_prescribed(body as usize));
+        if prescribed == [true; 2] || sorted.is_ignored(pair) {
+            return;
+        }
+        let Found { touches, contacts, .. } = found;
+        touches.clear();
+        let ([me, them], image) = self.placed_pair(world, pair);
+        let far = FAST * me.form.size.min(them.form.size);
+        let is_fast = sorted.may_travel(pair, far) && self.relative_travel(world, pair, search.step) > far;
+        let is_held = prescribed != [false; 2];
+        // What fast ones meet on their way is found apart.
+        let approach = if is_fast { sorted.approach_at_rest(pair, is_held) } else { sorted.approach(pair) };
+        let ahead = search.margin() + approach;
+        match (me.form.ball, them.form.ball) {
+            (Some(r_a), Some(r_b)) => {
+                if search.meeting {
+                    let [[u_a, _], [u_b, _]] = world.pair_velocities(pair);
+                    let gap = (me.position - them.position).length() - r_a - r_b;
+                    if search.step * (u_a - u_b).length() <= gap {
+                        return;
+                    }
+                }
+                ball_contact(me.position, r_a, them.position, r_b, ahead, touches);
+            }
+            _ => body_contacts(me, them, ahead, touches),
+        }
+        let first = contacts.len();
+        if is_fast {
+            self.arrivals(world, pair, sorted.largest, search, touches, contacts);
+        } else {
+            let closes = |touch: &&Touch| search.closes(world, pair, sorted.largest, touch);
+            contacts.extend(touches.iter().filter(closes).map(|touch| contact(pair, touch)));
+        }
+        contacts[first..].iter_mut().for_each(|contact| contact.image = image);
     }
 
     /// dt |u_A - u_B| and what spin adds to it, m.
@@ -621,8 +639,8 @@ fn contact([body_a, body_b]: [u32; 2], touch: &Touch) -> Contact {
 /// Contacts of one task, with scratch.
 #[derive(Default)]
 struct Found {
-    balls: Vec<u32>,
-    others: Vec<u32>,
+    /// Bodies that may touch the one that is looked at.
+    partners: Vec<u32>,
     touches: Vec<Touch>,
     contacts: Vec<Contact>,
 }

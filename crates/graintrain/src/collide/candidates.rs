@@ -90,7 +90,7 @@ impl Sorted {
 /// Pairs by their first bodies.
 pub(super) struct Pairs {
     /// The second bodies of the pairs that body A begins are `second[start[A]..start[A + 1]]`.
-    start: Vec<u32>,
+    start: Vec<usize>,
     second: Vec<u32>,
 }
 
@@ -105,10 +105,10 @@ impl Pairs {
         for body in 0..bodies {
             start[body + 1] += start[body];
         }
-        let (mut next, mut second) = (start.clone(), vec![0; start[bodies] as usize]);
+        let (mut next, mut second) = (start.clone(), vec![0; start[bodies]]);
         for [a, b] in all() {
             let place = &mut next[*a as usize];
-            second[*place as usize] = *b;
+            second[*place] = *b;
             *place += 1;
         }
         Self { start, second }
@@ -116,7 +116,7 @@ impl Pairs {
 
     /// The second bodies of pairs that this body begins, in no order.
     pub(super) fn of(&self, body: usize) -> &[u32] {
-        &self.second[self.start[body] as usize..self.start[body + 1] as usize]
+        &self.second[self.start[body]..self.start[body + 1]]
     }
 }
 

@@ -28,7 +28,7 @@ const ALONG_AXIS: f64 = 1_048_576.0;
 
 /// By how much of itself, and of the distance from the origin, a way is taken longer, so that rounding in
 /// cell coordinates loses no pair.
-const ROUNDING: f64 = 1e-9;
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
 
 impl Grid {
     /// Sorts balls, given as (index, centre, radius), into cells of edge `size`. Cost: linear.

@@ -28,7 +28,7 @@ const ITERATIONS: usize = 60;
 /// so stiff that others are needed, up to those that move the load.
 const STIFFENINGS: usize = 5;
 
-/// Forces that differ by less than this share stiffen alike.
+/// Forces that differ by less than this share of the largest stiffen alike.
 const SAME_FORCES: f64 = 0.1;
 
 /// A body is moved by no more than so many times the largest opening of its mechanism: near a dead point,
@@ -134,16 +134,27 @@ fn closing(
     (z, forces)
 }
 
-/// The displacement that last closed the joints of a mechanism to first order, six numbers per body, how
-/// open they were before, the sum of the squares of their rows, m^2, and how many of these there were: with
-/// stops that are run over there are more.
-type Closed = (Vec<f64>, f64, usize);
+/// The displacement that last closed the joints of a mechanism to first order.
+#[derive(Clone)]
+struct Closing {
+    /// Six numbers per body; what is left of them where halves were taken back.
+    moved: Vec<f64>,
+    /// How open the joints were before: the sum of the squares of their rows, m^2.
+    open: f64,
+    /// How many rows these were: stops that are run over add some.
+    rows: usize,
+    /// How often half was taken back.
+    halved: usize,
+}
+
+/// After so many halves what opens joints is rounding.
+const HALVES: usize = 8;
 
 /// Closes the joints of a world after a step in which they did this; returned is the displacement
 /// (translation in m and turn in rad, six numbers per body), if there was one.
 pub(crate) fn close(world: &mut World, states: &[JointState], step: f64) -> Option<Vec<f64>> {
     let mut total: Option<Vec<f64>> = None;
-    let mut known: Vec<Option<Closed>> = Vec::new();
+    let mut known: Vec<Option<Closing>> = Vec::new();
     for _ in 0..ITERATIONS {
         let mut displacement = None;
         let near = world.expected_coordinates(states, step);
@@ -174,7 +185,7 @@ fn closer(
     (bodies, joints): (&[u32], &[usize]),
     masses: &[BodyInverseMass],
     near: &Near,
-    known: &mut Option<Closed>,
+    known: &mut Option<Closing>,
 ) -> Option<Vec<f64>> {
     let found: Vec<(Vec<Row>, bool)> = joints.iter().map(|&joint| open_rows(world, joint, near)).collect();
     if !found.iter().any(|(_, open)| *open) {
@@ -186,12 +197,14 @@ fn closer(
     let length = joints.iter().map(|&joint| length_of(world, joint)).fold(0.0, f64::max);
     let in_metres = |row: &Row| row.value.abs() * if row.angular { length } else { 1.0 };
     let open: f64 = rows.iter().map(|(_, row)| in_metres(row).powi(2)).sum();
-    if let Some((moved, before, count)) = known
-        && *count == rows.len()
-        && (open.is_nan() || open > *before)
+    if let Some(last) = known
+        && last.rows == rows.len()
+        && last.halved < HALVES
+        && (open.is_nan() || open > last.open)
     {
-        moved.iter_mut().for_each(|x| *x *= 0.5);
-        return Some(moved.iter().map(|x| -x).collect());
+        last.moved.iter_mut().for_each(|x| *x *= 0.5);
+        last.halved += 1;
+        return Some(last.moved.iter().map(|x| -x).collect());
     }
     let bare: Vec<Root> = bodies.iter().map(|&body| Root::of(&masses[body as usize])).collect();
     let mut roots = bare.clone();
@@ -204,8 +217,9 @@ fn closer(
         roots = bare.iter().zip(swings).map(|(bare, swing)| bare.with(swing)).collect();
         let softer = forces;
         (z, forces) = closing(world, (bodies, &roots), (joints, &rows), &taut);
-        let changes = |(a, b): (&Vec3, &Vec3)| (*a - *b).length() > SAME_FORCES * a.length();
-        if !forces.iter().zip(&softer).any(changes) {
+        let largest = forces.iter().map(|force| force.length()).fold(0.0, f64::max);
+        let same = |(a, b): (&Vec3, &Vec3)| (*a - *b).length() <= SAME_FORCES * largest;
+        if forces.iter().zip(&softer).all(same) {
             break;
         }
     }
@@ -217,6 +231,6 @@ fn closer(
     if farthest > REACH * opening {
         moved.iter_mut().for_each(|x| *x *= REACH * opening / farthest);
     }
-    *known = Some((moved.clone(), open, rows.len()));
+    *known = Some(Closing { moved: moved.clone(), open, rows: rows.len(), halved: 0 });
     Some(moved)
 }

@@ -28,8 +28,12 @@ use std::collections::{HashMap, HashSet};
 /// What parts of few contacts are solved to, over the tolerance, where motors and stops are bounds.
 const ROUGH: f64 = 1e-2;
 
-/// Solves of the contacts for the components of a periodic cell that come beyond their largest rates.
-const CELL_ROUNDS: usize = 12;
+/// Further solves of the contacts in which components of a periodic cell that are held at their largest rates
+/// may be released; after that they are held alone, which ends.
+const CELL_ROUNDS: usize = 6;
+
+/// A component that would be slower than its largest rate by more than this share must not be held there.
+const CELL_AGREES: f64 = 1e-2;
 
 /// A solved contact problem with what a periodic cell does.
 struct WithCell {
@@ -412,12 +416,16 @@ impl Stepper {
                 solved.report = solved.report.after(last);
             }
             let by_contacts = loose.rate_change(impulse);
-            cell_now.rate = std::array::from_fn(|k| free[k] + by_contacts[k]);
+            let unheld: [f64; 6] = std::array::from_fn(|k| free[k] + by_contacts[k]);
+            cell_now.rate = unheld;
             let beyond = cell_now.beyond(time, step);
-            cell_now.rate = std::array::from_fn(|k| held[k].unwrap_or(cell_now.rate[k]));
-            if beyond == held || solved.report.status == Status::Stopped || rounds == CELL_ROUNDS {
+            let next: [Option<f64>; 6] =
+                std::array::from_fn(|k| beyond[k].or(held[k].filter(|_| rounds >= CELL_ROUNDS)));
+            cell_now.rate = std::array::from_fn(|k| held[k].unwrap_or(unheld[k]));
+            if next == held || solved.report.status == Status::Stopped {
                 check_cell(cell_now, time, step, &mut solved.report);
-                if beyond != held && solved.report.status == Status::Converged {
+                let is_slower = |k: usize| held[k].is_some_and(|at| unheld[k] / at < 1.0 - CELL_AGREES);
+                if (0..6).any(is_slower) && solved.report.status == Status::Converged {
                     solved.report.status = Status::IterationLimit;
                     solved.report.remark =
                         Some("the largest rates of the periodic cell and its contacts did not agree".into());
@@ -425,8 +433,8 @@ impl Stepper {
                 return Ok(WithCell { solved, posed, cell });
             }
             let rate = |limit: [Option<f64>; 6], k: usize| limit[k].unwrap_or(free[k]);
-            loose.shift(&std::array::from_fn(|k| rate(beyond, k) - rate(held, k)), &mut problem.r);
-            (held, last, rounds) = (beyond, Some(solved.report), rounds + 1);
+            loose.shift(&std::array::from_fn(|k| rate(next, k) - rate(held, k)), &mut problem.r);
+            (held, last, rounds) = (next, Some(solved.report), rounds + 1);
         }
     }
 
