@@ -29,7 +29,7 @@ use std::collections::{HashMap, HashSet};
 const ROUGH: f64 = 1e-2;
 
 /// Further solves of the contacts in which components of a periodic cell that are held at their largest rates
-/// may be released; after that they are held alone, which ends.
+/// may be released; after that what is held stays so, which ends.
 const CELL_ROUNDS: usize = 6;
 
 /// A component that would be slower than its largest rate by more than this share must not be held there.
@@ -420,7 +420,7 @@ impl Stepper {
             cell_now.rate = unheld;
             let beyond = cell_now.beyond(time, step);
             let next: [Option<f64>; 6] =
-                std::array::from_fn(|k| beyond[k].or(held[k].filter(|_| rounds >= CELL_ROUNDS)));
+                std::array::from_fn(|k| held[k].filter(|_| rounds >= CELL_ROUNDS).or(beyond[k]));
             cell_now.rate = std::array::from_fn(|k| held[k].unwrap_or(unheld[k]));
             if next == held || solved.report.status == Status::Stopped {
                 check_cell(cell_now, time, step, &mut solved.report);
