@@ -5,7 +5,7 @@ use crate::collide::identity::PreviousContacts;
 use crate::contact::{Contact, ContactSet};
 use crate::elasticity::{bias, compliances};
 use crate::math::{Vec3, tangents};
-use crate::turning::{frame_moment, turning, turning_velocities};
+use crate::turning::{FrameTurn, frame_moment, turning, turning_velocities};
 use crate::world::World;
 use graintrain_ccp::{BodyInverseMass, Ccp, CoupledBodies, Delassus, FIXED, RigidContact, RigidDelassus};
 use graintrain_linalg::parallel::fold_chunks;
@@ -75,7 +75,9 @@ pub fn relative_velocities(
 /// ```
 ///
 /// with three more rows for every contact that resists turning ([`crate::turning`]), whose b is zero; where
-/// Phi_i > 0. Where bodies overlap, b_i = 0 or, after the paper, Phi_i / dt: see [`OverlapCorrection`].
+/// Phi_i > 0. Where bodies overlap, b_i = 0 or, after the paper, Phi_i / dt: see [`OverlapCorrection`]. What
+/// bodies carried along on a surface that turns see of it in the step comes to b_i, too ([`FrameTurn`]),
+/// with the velocities `before` it.
 /// Elastic contacts have a b of their own and a diagonal beside D^T M^-1 D: see [`crate::elasticity`]. The
 /// velocity of prescribed bodies enters r. Restitution is not here but in [`crate::impact`].
 ///
@@ -86,12 +88,16 @@ pub fn assemble(
     contacts: &[Contact],
     rows: Vec<RigidContact>,
     (inverse_mass, coupled): (Vec<BodyInverseMass>, Vec<CoupledBodies>),
-    free: &[f64],
+    [before, free]: [&[f64]; 2],
     step: f64,
     overlap: OverlapCorrection,
 ) -> Ccp {
     let mut r = relative_velocities(world.cell(), contacts, &rows, free);
-    r.par_chunks_exact_mut(3).zip(contacts).with_min_len(TASK).for_each(|(u, contact)| {
+    let velocity = |body: usize| velocity_of(if world.is_prescribed(body) { free } else { before }, body);
+    r.par_chunks_exact_mut(3).zip(contacts).zip(&rows).with_min_len(TASK).for_each(|((u, contact), row)| {
+        let [_, along, across] = to_frame(row, FrameTurn::of(world, contact, step, velocity).slip());
+        u[1] += along;
+        u[2] += across;
         u[0] += bias(world, contact, step).unwrap_or_else(|| match overlap {
             OverlapCorrection::Velocity => contact.gap / step,
             OverlapCorrection::Position => contact.gap.max(0.0) / step,

@@ -26,6 +26,7 @@ use crate::load::Action;
 use crate::math::Vec3;
 use crate::rotation::{Rotor, is_fast, world_inertia};
 use crate::stepper::{SolverChoice, StepError, StepSettings, Stepper};
+use crate::turning::FrameTurn;
 use crate::world::World;
 use graintrain_ccp::registry::Method;
 use graintrain_ccp::sensitivity::{Adjoint, ContactState, Sensitivity, SensitivityError};
@@ -237,7 +238,27 @@ impl StepGradient {
             }
             force[3..].copy_from_slice(&(by_torque.transpose() * w).to_array());
         }
+        self.add_by_frames(&r, &mut velocity);
         Ok(Pullback { velocity, force, friction })
+    }
+
+    /// Adds what the velocities change of r by [`FrameTurn`], of dL/dr.
+    fn add_by_frames(&self, r: &[f64], velocity: &mut [f64]) {
+        let Delassus::Rigid(rigid) = &*self.problem.delassus else { return };
+        let bodies = &self.before.bodies;
+        let state = |body: usize| [bodies.velocity[body], bodies.angular_velocity[body]];
+        for ((contact, row), r) in self.contacts().iter().zip(rigid.contacts()).zip(r.chunks_exact(3)) {
+            let turn = FrameTurn::of(&self.before, contact, self.step, state);
+            let [_, t1, t2] = row.frame.map(Vec3::from_array);
+            let (by_motion, by_spin) = turn.derivative(r[1] * t1 + r[2] * t2);
+            for (body, by) in [(row.body_a, [by_motion, by_spin[0]]), (row.body_b, [-by_motion, by_spin[1]])]
+            {
+                if body != FIXED {
+                    let own = velocity[6 * body as usize..6 * body as usize + 6].iter_mut();
+                    own.zip(by.iter().flat_map(Vec3::to_array)).for_each(|(own, by)| *own += by);
+                }
+            }
+        }
     }
 
     /// k = n dV/dm, six numbers per body.

@@ -18,6 +18,7 @@
 //! F. Bourrier, "Coulomb friction with rolling resistance as a cone complementarity problem", European
 //! Journal of Mechanics A/Solids 85:104046, 2021.
 
+use crate::cell;
 use crate::contact::Contact;
 use crate::material::{Materials, TurningResistance};
 use crate::math::Vec3;
@@ -69,6 +70,60 @@ fn radius(world: &World, body: usize) -> f64 {
         _ if world.is_prescribed(body) => f64::INFINITY,
         _ if geometry.volume <= 0.0 => geometry.bounding_radius(),
         _ => real::cbrt(0.75 / PI * geometry.volume),
+    }
+}
+
+/// How the frame of a contact turns about its normal within a step: with the surface that is the flatter of
+/// the two there, w = (R_A w_A + R_B w_B) / (R_A + R_B). What rides on a turntable moves by chords of its
+/// circle, of which those of velocities at the start of steps are tangents: it would spiral outward by
+/// exp(w^2 dt t / 2).
+pub(crate) struct FrameTurn {
+    /// dt w_n / 2, rad.
+    angle: f64,
+    /// R_A and R_B over their sum.
+    shares: [f64; 2],
+    normal: Vec3,
+    /// (u_A - u_B)_t of the centres, m/s.
+    motion: Vec3,
+    step: f64,
+}
+
+impl FrameTurn {
+    /// That of a contact, with these velocities and angular velocities of bodies.
+    pub(crate) fn of(
+        world: &World,
+        contact: &Contact,
+        step: f64,
+        velocity: impl Fn(usize) -> [Vec3; 2],
+    ) -> Self {
+        let bodies = [contact.body_a, contact.body_b].map(|body| body as usize);
+        let [[u_a, w_a], [u_b, w_b]] = bodies.map(velocity);
+        let normal = contact.normal;
+        let spins = [w_a, w_b].map(|w| normal.dot(w));
+        let [a, b] = bodies.map(|body| radius(world, body));
+        let shares = match [a, b].map(f64::is_finite) {
+            [true, true] => [a / (a + b), b / (a + b)],
+            [is_a, is_b] => [f64::from(!is_a), f64::from(!is_b)],
+        };
+        let angle = 0.5 * step * (shares[0] * spins[0] + shares[1] * spins[1]);
+        let relative = u_a - u_b - cell::image_velocity(world.cell(), contact);
+        let motion = relative - normal.dot(relative) * normal;
+        Self { angle, shares, normal, motion, step }
+    }
+
+    /// By how much the slip in the middle of the step differs from that at its start, m/s: -theta n x (u_A -
+    /// u_B)_t, with theta / (1 + theta^2) for theta, the angle, which a step does not resolve beyond 1.
+    pub(crate) fn slip(&self) -> Vec3 {
+        -self.angle / (1.0 + self.angle * self.angle) * self.normal.cross(self.motion)
+    }
+
+    /// Derivatives of slip . y by u_A (by u_B it is minus that), w_A and w_B.
+    pub(crate) fn derivative(&self, y: Vec3) -> (Vec3, [Vec3; 2]) {
+        let Self { angle, shares, normal, motion, step } = *self;
+        let square = angle * angle;
+        let by_motion = -angle / (1.0 + square) * y.cross(normal);
+        let by_angle = -(1.0 - square) / (1.0 + square).powi(2) * normal.cross(motion).dot(y);
+        (by_motion, shares.map(|share| 0.5 * step * share * by_angle * normal))
     }
 }
 

@@ -241,6 +241,11 @@ impl<'a> Mechanisms<'a> {
         own
     }
 
+    /// Velocities before the step, six per body.
+    pub(crate) fn before(&self) -> &[f64] {
+        &self.before
+    }
+
     /// Whether no joint holds anything that can move.
     pub(crate) fn is_empty(&self) -> bool {
         self.mechanisms.is_empty()

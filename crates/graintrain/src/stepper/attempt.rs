@@ -160,7 +160,7 @@ fn pose(
 ) -> (Ccp, Vec<f64>) {
     let free = mechanisms.unmet();
     let masses = (masses, mechanisms.coupled());
-    (assemble(world, contacts, rows, masses, &free, step, overlap), free)
+    (assemble(world, contacts, rows, masses, [mechanisms.before(), &free], step, overlap), free)
 }
 
 impl Stepper {

@@ -203,3 +203,43 @@ fn a_turning_box_of_planes_misses_no_contact() {
         assert_eq!(found, contacts_of(rate, true), "{rate} rad/s");
     }
 }
+
+/// What sticks to a turntable stays on its circle, also where it is held by nine tenths of what friction can
+/// do; a ball that rolls on it goes round a circle of its own, 2/7 as fast.
+#[test]
+fn what_rides_on_a_turntable_keeps_to_its_circle() {
+    for (step, friction, tolerance) in [(0.01, 10.0, 2e-4), (0.02, 10.0, 2e-3), (0.01, 0.42, 2e-4)] {
+        let (radius, speed) = (0.5, 2.76);
+        let mut world = world(friction, 0.0);
+        let ground = world.add_geometry(Geometry::single(Shape::Plane(HalfSpace)).unwrap());
+        let table =
+            world.add_motion(Motion::rotating(Vec3::ZERO, Vec3::Z, Profile::Constant(speed))).unwrap();
+        let material = MaterialId::default();
+        world.add_body(Body { motion: table, ..Body::new(ground, material, Vec3::ZERO) }).unwrap();
+        let block = world.add_geometry(Geometry::cuboid(Vec3::new(0.02, 0.02, 0.01)).unwrap());
+        let block = Body {
+            velocity: Vec3::new(0.0, radius * speed, 0.0),
+            angular_velocity: Vec3::new(0.0, 0.0, speed),
+            ..Body::new(block, material, Vec3::new(radius, 0.0, 0.01))
+        };
+        let block = world.add_body(block).unwrap().index();
+        let ball = world.add_geometry(Geometry::sphere(0.02).unwrap());
+        // Rolling with the table under it; the centre of its circle is at the axis.
+        let own = 2.0 / 7.0 * speed;
+        let place = Vec3::new(-0.3, 0.0, 0.02);
+        let slower = (speed - own) * -0.3 / 0.02;
+        let ball = Body {
+            velocity: Vec3::new(0.0, -0.3 * own, 0.0),
+            angular_velocity: Vec3::new(slower, 0.0, 0.0),
+            ..Body::new(ball, material, place)
+        };
+        let ball = world.add_body(ball).unwrap().index();
+        let mut stepper = stepper(step, FrictionModel::Coulomb);
+        for _ in 0..(5.0 / step) as usize {
+            assert!(stepper.step(&mut world).unwrap().solve.converged());
+        }
+        let out = |body: usize| world.bodies.position[body].with_z(0.0).length();
+        assert!((out(block) / radius - 1.0).abs() < tolerance, "{step} {friction}: {}", out(block) / radius);
+        assert!((out(ball) / 0.3 - 1.0).abs() < 0.02, "{step} {friction}: {}", out(ball) / 0.3);
+    }
+}
