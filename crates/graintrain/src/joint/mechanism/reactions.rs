@@ -47,6 +47,7 @@ impl Mechanisms<'_> {
                 }
             }
             let rates = self.rates(mechanism, &solution.velocity);
+            let lost = self.lost(mechanism, &solution);
             for (joint, row, impulse, holds) in mechanism.exerted(&solution.impulse) {
                 found
                     .impulses
@@ -64,10 +65,17 @@ impl Mechanisms<'_> {
                 }
             }
             found.impulses.extend(self.of_swings(mechanism, &solution));
+            if lost > 0.0 {
+                // Nothing is to be stiffened by forces that are rounding.
+                for &joint in &mechanism.joints {
+                    found.states[joint].force = Vec3::ZERO;
+                }
+            }
             for (row, &rate) in mechanism.rows.iter().zip(&rates) {
                 // What positions round to is none.
                 let opening = self.opening(row, rate);
                 let opening = if opening <= row.noise { 0.0 } else { opening };
+                let opening = if lost > 0.0 { opening.max(lost) } else { opening };
                 if opening.is_nan() || opening > found.opening {
                     (found.opening, found.worst) = (opening, row.joint);
                 }
@@ -79,6 +87,16 @@ impl Mechanisms<'_> {
         let rms = (squares / f64::from(count.max(1))).sqrt();
         found.residual = Residual { max: found.opening / self.yardstick, rms };
         found
+    }
+
+    /// Velocity that rounding makes of the impulses of a mechanism, m/s, where that is more than velocities
+    /// are measured by: where a motor without a limit drives a linkage over a dead point, or two of them
+    /// against each other, joints hold by forces beyond all bounds. Else 0.
+    pub(super) fn lost(&self, mechanism: &Mechanism, solution: &Solution) -> f64 {
+        let rows = mechanism.rows.iter().zip(&solution.impulse);
+        let changes = rows.map(|(row, impulse)| (impulse * row.norm * row.norm).abs());
+        let lost = f64::EPSILON * changes.fold(0.0, f64::max);
+        if lost > self.yardstick { lost } else { 0.0 }
     }
 
     /// The impulses of stiffened swings on bodies: M (v+ - v*) less those of joints and contacts.
