@@ -23,7 +23,7 @@ pub use crate::step_report::{PhaseSeconds, PhysicalErrors, ProcessorSeconds, Ste
 
 use self::attempt::Attempt;
 use self::covered::leave_covered_out;
-use self::error::{cell_error, check_state};
+use self::error::{cell_error, check_drives, check_state};
 use self::flight::courses;
 use self::placement::Placement;
 use self::repetition::Rounds;
@@ -211,6 +211,7 @@ impl Stepper {
         let begin = Clock::now();
         check_state(world)?;
         let (step, envelope) = (self.settings.step, self.settings.envelope);
+        check_drives(world, step)?;
         let same_forms = !self.collider.update_forms(world);
         let found = self.ahead.take().filter(|(state, _)| same_forms && *state == world.fingerprint());
         let contacts = match found {

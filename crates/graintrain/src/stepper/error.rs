@@ -2,6 +2,7 @@
 
 use crate::collide::meshes_that_meet;
 use crate::error::{ModelError, finite};
+use crate::joint::Motor;
 use crate::world::World;
 use graintrain_ccp::CcpError;
 
@@ -95,6 +96,33 @@ pub(super) fn check_state(world: &World) -> Result<(), StepError> {
         }
         None => Ok(()),
     }
+}
+
+/// What drives joints in a step (s) is a number: speeds, forces and their limits, lengths of springs at rest.
+pub(super) fn check_drives(world: &World, step: f64) -> Result<(), StepError> {
+    for (index, placed) in world.joints().iter().enumerate() {
+        let joint = &placed.joint;
+        let [first, second] = match &joint.motor {
+            Some(Motor::Speed { speed, limit }) => [Some(speed), limit.as_ref()],
+            Some(Motor::Force(force)) => [Some(force), None],
+            None => [None; 2],
+        };
+        let rest = joint.spring.as_ref().and_then(|spring| spring.rest.as_ref());
+        let drives = [
+            ("speed or force of the motor", first),
+            ("limit of the motor", second),
+            ("rest of the spring", rest),
+        ];
+        for (what, profile) in drives.into_iter().filter_map(|(what, profile)| Some((what, profile?))) {
+            let (time, value) = (world.time, profile.mean(world.time, step));
+            if !value.is_finite() {
+                let of = world.joint_label(index);
+                let what = format!("the {what} of {of} in the step from {time} s on");
+                return Err(ModelError::Value { what, value, expected: "finite" }.into());
+            }
+        }
+    }
+    Ok(())
 }
 
 /// No body moves as fast, m/s and rad/s: energies have to be numbers.

@@ -1,6 +1,7 @@
 //! Joints against closed forms and against reduced coordinates integrated by Runge and Kutta.
 
 use graintrain::ccp::{FrictionModel, Status};
+use graintrain::formula::{Formula, Function, Operation, Operator};
 use graintrain::handle::{BodyId, JointId, MaterialId};
 use graintrain::joint::{Joint, Motor, Pair, Spring};
 use graintrain::load::{Action, Load};
@@ -446,6 +447,49 @@ fn joints_that_contradict_each_other_are_reported() {
     assert_ne!(report.solve.status, Status::Converged);
     assert!(report.solve.remark.as_ref().unwrap().contains("'bridge'"), "{:?}", report.solve.remark);
     assert!(report.solve.residual.max > 1.0);
+}
+
+/// A motor without a limit turns a crank whose linkage does not let it go round: at the dead point joints
+/// would have to hold by forces without bounds. The step says so, and the next ones go on.
+#[test]
+fn a_motor_at_a_dead_point_is_reported() {
+    let mut world = earth();
+    let pins =
+        [Vec3::ZERO, Vec3::new(0.287, 0.0, 0.089), Vec3::new(0.631, 0.0, 0.292), Vec3::new(0.7, 0.0, 0.0)];
+    let links: Vec<BodyId> = (0..3).map(|k| rod(&mut world, [pins[k], pins[k + 1]], 1.0)).collect();
+    let speed = Motor::Speed { speed: Profile::Constant(2.0), limit: None };
+    let crank = Joint::revolute(None, links[0], pins[0], -Vec3::Y).with_motor(speed).named("crank");
+    world.add_joint(crank).unwrap();
+    world.add_joint(Joint::revolute(Some(links[0]), links[1], pins[1], Vec3::Y)).unwrap();
+    world.add_joint(Joint::revolute(Some(links[1]), links[2], pins[2], Vec3::Y)).unwrap();
+    world.add_joint(Joint::revolute(None, links[2], pins[3], Vec3::Y)).unwrap();
+    let mut stepper = stepper(5e-3, FrictionModel::Coulomb);
+    let mut remarks = Vec::new();
+    for _ in 0..400 {
+        let report = stepper.step(&mut world).unwrap();
+        if report.solve.status != Status::Converged {
+            remarks.push(report.solve.remark.unwrap());
+        }
+        let fastest = world.bodies.velocity.iter().map(|v| v.length()).fold(0.0, f64::max);
+        assert!(fastest < 1e3, "{fastest}");
+    }
+    assert!((1..40).contains(&remarks.len()), "{remarks:?}");
+    assert!(remarks.iter().any(|remark| remark.contains("'crank'")), "{remarks:?}");
+}
+
+#[test]
+fn drives_that_are_no_numbers_are_named() {
+    let mut world = earth();
+    let ball = lump(&mut world, Vec3::ZERO, 1.0, Vec3::ONE);
+    // sqrt(0.01 - t)
+    let root = [Operation::Number(0.01), Operation::Time, Operation::Operator(Operator::Subtract)];
+    let root = Formula::new([&root[..], &[Operation::Function(Function::Sqrt)]].concat()).unwrap();
+    let speed = Motor::Speed { speed: Profile::Formula(root), limit: None };
+    world.add_joint(Joint::revolute(None, ball, Vec3::ZERO, Vec3::Y).with_motor(speed).named("hub")).unwrap();
+    let mut stepper = stepper(5e-3, FrictionModel::Coulomb);
+    let error = (0..4).find_map(|_| stepper.step(&mut world).err()).unwrap().to_string();
+    assert!(error.contains("the speed or force of the motor of joint 'hub'"), "{error}");
+    assert!(error.contains("from 0.01 s on"), "{error}");
 }
 
 #[test]
