@@ -93,11 +93,14 @@ pub fn assemble(
     overlap: OverlapCorrection,
 ) -> Ccp {
     let mut r = relative_velocities(world.cell(), contacts, &rows, free);
+    let is_led = led(world);
     let velocity = |body: usize| velocity_of(if world.is_prescribed(body) { free } else { before }, body);
     r.par_chunks_exact_mut(3).zip(contacts).zip(&rows).with_min_len(TASK).for_each(|((u, contact), row)| {
-        let [_, along, across] = to_frame(row, FrameTurn::of(world, contact, step, velocity).slip());
-        u[1] += along;
-        u[2] += across;
+        if let Some(turn) = FrameTurn::of(world, contact, step, |body| is_led[body], velocity) {
+            let [_, along, across] = to_frame(row, turn.slip());
+            u[1] += along;
+            u[2] += across;
+        }
         u[0] += bias(world, contact, step).unwrap_or_else(|| match overlap {
             OverlapCorrection::Velocity => contact.gap / step,
             OverlapCorrection::Position => contact.gap.max(0.0) / step,
@@ -118,6 +121,15 @@ pub fn assemble(
         points: of_each(contacts, |contact| contact.point.to_array()),
         identity: of_each(contacts, |contact| contact.identity),
     }
+}
+
+/// Of every body, whether motions or joints lead it.
+fn led(world: &World) -> Vec<bool> {
+    let mut led: Vec<bool> = (0..world.bodies.len()).map(|body| !world.is_free(body)).collect();
+    for body in world.joints().iter().flat_map(|placed| placed.joint.bodies.iter().flatten()) {
+        led[body.index()] = true;
+    }
+    led
 }
 
 /// A property of the two materials of every contact.

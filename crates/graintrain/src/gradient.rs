@@ -21,7 +21,7 @@
 use crate::collide::Collider;
 use crate::contact::Contact;
 use crate::handle::MaterialId;
-use crate::integrate::free_velocity_derivative;
+use crate::integrate::{free_velocity, free_velocity_derivative, velocities};
 use crate::load::Action;
 use crate::math::Vec3;
 use crate::rotation::{Rotor, is_fast, world_inertia};
@@ -245,10 +245,15 @@ impl StepGradient {
     /// Adds what the velocities change of r by [`FrameTurn`], of dL/dr.
     fn add_by_frames(&self, r: &[f64], velocity: &mut [f64]) {
         let Delassus::Rigid(rigid) = &*self.problem.delassus else { return };
-        let bodies = &self.before.bodies;
-        let state = |body: usize| [bodies.velocity[body], bodies.angular_velocity[body]];
+        let before = velocities(&self.before);
+        let free = free_velocity(&self.before, &before, self.step);
+        let state = |body: usize| {
+            let all = if self.before.is_prescribed(body) { &free } else { &before };
+            [0, 3].map(|part| Vec3::from_slice(&all[6 * body + part..6 * body + part + 3]))
+        };
         for ((contact, row), r) in self.contacts().iter().zip(rigid.contacts()).zip(r.chunks_exact(3)) {
-            let turn = FrameTurn::of(&self.before, contact, self.step, state);
+            let is_led = |body: usize| !self.before.is_free(body);
+            let Some(turn) = FrameTurn::of(&self.before, contact, self.step, is_led, state) else { continue };
             let [_, t1, t2] = row.frame.map(Vec3::from_array);
             let (by_motion, by_spin) = turn.derivative(r[1] * t1 + r[2] * t2);
             for (body, by) in [(row.body_a, [by_motion, by_spin[0]]), (row.body_b, [-by_motion, by_spin[1]])]

@@ -73,14 +73,15 @@ fn radius(world: &World, body: usize) -> f64 {
     }
 }
 
-/// How the frame of a contact turns about its normal within a step: with the surface that is the flatter of
-/// the two there, w = (R_A w_A + R_B w_B) / (R_A + R_B). What rides on a turntable moves by chords of its
-/// circle, of which those of velocities at the start of steps are tangents: it would spiral outward by
-/// exp(w^2 dt t / 2).
+/// How the frame of a contact turns about its normal within a step, with the surface of a body that motions
+/// or joints lead (of two such, w = (R_A w_A + R_B w_B) / (R_A + R_B), with the flatter one). What rides on a
+/// turntable moves by chords of its circle, of which those of velocities at the start of steps are tangents:
+/// it would spiral outward by exp(w^2 dt t / 2). Two free bodies turn by what their contacts do at that
+/// start; turned with them, those would take less energy the longer the step.
 pub(crate) struct FrameTurn {
     /// dt w_n / 2, rad.
     angle: f64,
-    /// R_A and R_B over their sum.
+    /// Of w_A and w_B in w.
     shares: [f64; 2],
     normal: Vec3,
     /// (u_A - u_B)_t of the centres, m/s.
@@ -89,26 +90,32 @@ pub(crate) struct FrameTurn {
 }
 
 impl FrameTurn {
-    /// That of a contact, with these velocities and angular velocities of bodies.
+    /// That of a contact, with these velocities and angular velocities of bodies, where one is led.
     pub(crate) fn of(
         world: &World,
         contact: &Contact,
         step: f64,
+        is_led: impl Fn(usize) -> bool,
         velocity: impl Fn(usize) -> [Vec3; 2],
-    ) -> Self {
+    ) -> Option<Self> {
         let bodies = [contact.body_a, contact.body_b].map(|body| body as usize);
+        let shares = match bodies.map(is_led) {
+            [false, false] => return None,
+            [true, true] => {
+                let [a, b] = bodies.map(|body| radius(world, body));
+                match [a, b].map(f64::is_finite) {
+                    [true, true] => [a / (a + b), b / (a + b)],
+                    [is_a, is_b] => [f64::from(!is_a), f64::from(!is_b)],
+                }
+            }
+            led => led.map(f64::from),
+        };
         let [[u_a, w_a], [u_b, w_b]] = bodies.map(velocity);
         let normal = contact.normal;
-        let spins = [w_a, w_b].map(|w| normal.dot(w));
-        let [a, b] = bodies.map(|body| radius(world, body));
-        let shares = match [a, b].map(f64::is_finite) {
-            [true, true] => [a / (a + b), b / (a + b)],
-            [is_a, is_b] => [f64::from(!is_a), f64::from(!is_b)],
-        };
-        let angle = 0.5 * step * (shares[0] * spins[0] + shares[1] * spins[1]);
+        let angle = 0.5 * step * normal.dot(shares[0] * w_a + shares[1] * w_b);
         let relative = u_a - u_b - cell::image_velocity(world.cell(), contact);
         let motion = relative - normal.dot(relative) * normal;
-        Self { angle, shares, normal, motion, step }
+        Some(Self { angle, shares, normal, motion, step })
     }
 
     /// By how much the slip in the middle of the step differs from that at its start, m/s: -theta n x (u_A -

@@ -4,6 +4,7 @@ use crate::support::*;
 use graintrain::ccp::FrictionModel;
 use graintrain::collide::Collider;
 use graintrain::handle::{BodyId, MaterialId};
+use graintrain::joint::{Joint, Motor};
 use graintrain::load::{Action, Load};
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Axes, Motion, Profile};
@@ -204,18 +205,33 @@ fn a_turning_box_of_planes_misses_no_contact() {
     }
 }
 
-/// What sticks to a turntable stays on its circle, also where it is held by nine tenths of what friction can
-/// do; a ball that rolls on it goes round a circle of its own, 2/7 as fast.
+/// What sticks to a turntable, driven as a motion or by the motor of its joint, stays on its circle, also
+/// where it is held by nine tenths of what friction can do; a ball that rolls on it goes round a circle of
+/// its own, 2/7 as fast.
 #[test]
 fn what_rides_on_a_turntable_keeps_to_its_circle() {
-    for (step, friction, tolerance) in [(0.01, 10.0, 2e-4), (0.02, 10.0, 2e-3), (0.01, 0.42, 2e-4)] {
+    for (step, friction, tolerance, is_jointed) in [
+        (0.01, 10.0, 2e-4, false),
+        (0.02, 10.0, 2e-3, false),
+        (0.01, 0.42, 2e-4, false),
+        (0.01, 10.0, 2e-4, true),
+    ] {
         let (radius, speed) = (0.5, 2.76);
         let mut world = world(friction, 0.0);
-        let ground = world.add_geometry(Geometry::single(Shape::Plane(HalfSpace)).unwrap());
-        let table =
-            world.add_motion(Motion::rotating(Vec3::ZERO, Vec3::Z, Profile::Constant(speed))).unwrap();
         let material = MaterialId::default();
-        world.add_body(Body { motion: table, ..Body::new(ground, material, Vec3::ZERO) }).unwrap();
+        if is_jointed {
+            let plate = world.add_geometry(Geometry::cylinder(0.05, 0.6).unwrap());
+            let angular_velocity = speed * Vec3::Z;
+            let plate = Body { angular_velocity, ..Body::new(plate, material, -0.05 * Vec3::Z) };
+            let plate = world.add_body(plate).unwrap();
+            let motor = Motor::Speed { speed: Profile::Constant(speed), limit: None };
+            world.add_joint(Joint::revolute(None, plate, Vec3::ZERO, Vec3::Z).with_motor(motor)).unwrap();
+        } else {
+            let plane = world.add_geometry(Geometry::plane());
+            let turning = Motion::rotating(Vec3::ZERO, Vec3::Z, Profile::Constant(speed));
+            let motion = world.add_motion(turning).unwrap();
+            world.add_body(Body { motion, ..Body::new(plane, material, Vec3::ZERO) }).unwrap();
+        }
         let block = world.add_geometry(Geometry::cuboid(Vec3::new(0.02, 0.02, 0.01)).unwrap());
         let block = Body {
             velocity: Vec3::new(0.0, radius * speed, 0.0),

@@ -1,4 +1,4 @@
-//! Derivatives of a step against central differences of steps, on ten scenes; what happens at kinks.
+//! Derivatives of a step against central differences of steps, on eleven scenes; what happens at kinks.
 
 use graintrain::ccp::FrictionModel;
 use graintrain::ccp::sensitivity::ContactState::{self, Apart, Sliding, Sticking};
@@ -44,7 +44,7 @@ fn cuboid(world: &mut World, position: Vec3, velocity: Vec3) -> BodyId {
     add(world, Geometry::cuboid(Vec3::new(0.1, 0.08, 0.05)).unwrap(), position, velocity)
 }
 
-/// Ten states with the states of contacts that they are there for.
+/// Eleven states with the states of contacts that they are there for.
 fn scenes() -> Vec<(&'static str, World, Vec<ContactState>)> {
     let mut all = Vec::new();
     let mut world = ground(0.5, DOWN);
@@ -116,6 +116,15 @@ fn scenes() -> Vec<(&'static str, World, Vec<ContactState>)> {
     world.bodies.torque[body] = Vec3::new(0.1, 0.2, 0.3);
     all.push(("a dumbbell that is pushed", world, vec![Sliding]));
 
+    // On a turntable: a ball that slides, a box that sticks.
+    let mut world = ground(0.5, DOWN);
+    let turning = Motion::rotating(Vec3::ZERO, Vec3::Z, Profile::Constant(4.0));
+    world.bodies.motion[0] = world.add_motion(turning).unwrap();
+    ball(&mut world, 0.5, 0.1, Vec3::new(0.7, -0.2, 0.0));
+    let body = cuboid(&mut world, Vec3::new(0.0, 0.2, 0.05), Vec3::new(-0.8, 0.0, 0.0));
+    world.bodies.angular_velocity[body.index()] = Vec3::new(0.0, 0.0, 4.0);
+    all.push(("on a turntable", world, vec![Sliding, Sticking]));
+
     // Mass ratio 1e6, and a frictionless pair.
     let mut world = ground(0.3, DOWN);
     world.materials.set_pair(MaterialId::from_index(0), STONE, 0.0, 0.0).unwrap();
@@ -162,7 +171,7 @@ fn differences(world: &World, weight: &[f64], h: f64, change: impl Fn(&mut World
 }
 
 #[test]
-fn derivatives_of_ten_scenes_are_those_of_central_differences() {
+fn derivatives_of_eleven_scenes_are_those_of_central_differences() {
     for (name, world, wanted) in scenes() {
         let mut gradient =
             StepGradient::new(&world, &step_settings()).unwrap_or_else(|error| panic!("{name}: {error}"));
