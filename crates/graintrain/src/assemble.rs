@@ -6,7 +6,7 @@ use crate::contact::{Contact, ContactSet};
 use crate::elasticity::{bias, compliances};
 use crate::math::{Vec3, tangents};
 use crate::turning::{FrameTurn, frame_moment, turning, turning_velocities};
-use crate::world::World;
+use crate::world::{FREE, World};
 use graintrain_ccp::{BodyInverseMass, Ccp, CoupledBodies, Delassus, FIXED, RigidContact, RigidDelassus};
 use graintrain_linalg::parallel::fold_chunks;
 use graintrain_linalg::real;
@@ -93,14 +93,9 @@ pub fn assemble(
     overlap: OverlapCorrection,
 ) -> Ccp {
     let mut r = relative_velocities(world.cell(), contacts, &rows, free);
-    let is_led = led(world);
-    let velocity = |body: usize| velocity_of(if world.is_prescribed(body) { free } else { before }, body);
-    r.par_chunks_exact_mut(3).zip(contacts).zip(&rows).with_min_len(TASK).for_each(|((u, contact), row)| {
-        if let Some(turn) = FrameTurn::of(world, contact, step, |body| is_led[body], velocity) {
-            let [_, along, across] = to_frame(row, turn.slip());
-            u[1] += along;
-            u[2] += across;
-        }
+    let turned = turned_slip(world, contacts, &rows, [before, free], step);
+    r.iter_mut().zip(&turned).for_each(|(r, turned)| *r += turned);
+    r.par_chunks_exact_mut(3).zip(contacts).with_min_len(TASK).for_each(|(u, contact)| {
         u[0] += bias(world, contact, step).unwrap_or_else(|| match overlap {
             OverlapCorrection::Velocity => contact.gap / step,
             OverlapCorrection::Position => contact.gap.max(0.0) / step,
@@ -123,13 +118,34 @@ pub fn assemble(
     }
 }
 
-/// Of every body, whether motions or joints lead it.
-fn led(world: &World) -> Vec<bool> {
-    let mut led: Vec<bool> = (0..world.bodies.len()).map(|body| !world.is_free(body)).collect();
+/// What the turn of the contacts' frames makes of the slip ([`FrameTurn`]), as r; empty where nothing that is
+/// led turns. Velocities `before` the step and `free`, six per body.
+pub(crate) fn turned_slip(
+    world: &World,
+    contacts: &[Contact],
+    rows: &[RigidContact],
+    [before, free]: [&[f64]; 2],
+    step: f64,
+) -> Vec<f64> {
+    let velocity = |body: usize| velocity_of(if world.is_prescribed(body) { free } else { before }, body);
+    let mut is_led: Vec<bool> = of_each(&world.bodies.motion, |&motion| motion != FREE);
     for body in world.joints().iter().flat_map(|placed| placed.joint.bodies.iter().flatten()) {
-        led[body.index()] = true;
+        is_led[body.index()] = true;
     }
-    led
+    if !is_led.iter().enumerate().any(|(body, &is_led)| is_led && velocity(body)[1] != Vec3::ZERO) {
+        return Vec::new();
+    }
+    let mut slip = vec![0.0; 3 * contacts.len()];
+    slip.par_chunks_exact_mut(3).zip(contacts).zip(rows).with_min_len(TASK).for_each(
+        |((u, contact), row)| {
+            if let Some(turn) = FrameTurn::of(world, contact, step, |body| is_led[body], velocity) {
+                // Along the normal rounding alone.
+                let [_, along, across] = to_frame(row, turn.slip());
+                u.copy_from_slice(&[0.0, along, across]);
+            }
+        },
+    );
+    slip
 }
 
 /// A property of the two materials of every contact.

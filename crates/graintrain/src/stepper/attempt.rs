@@ -6,7 +6,8 @@ use super::mobility;
 use super::repetition::Rounds;
 use super::{StepError, Stepper};
 use crate::assemble::{
-    OverlapCorrection, assemble, contact_rows, of_each, relative_velocities, scale_under, warm_start,
+    OverlapCorrection, assemble, contact_rows, of_each, relative_velocities, scale_under, turned_slip,
+    warm_start,
 };
 use crate::cell::{Cell, moved_mass};
 use crate::cell_problem::CellRows;
@@ -57,6 +58,8 @@ pub(super) struct Attempt {
     pub(super) impulse: Vec<f64>,
     /// Contacts of the problem as indices into those of the step.
     pub(super) active: Vec<u32>,
+    /// Of the contacts of the problem ([`turned_slip`]).
+    pub(super) turned: Vec<f64>,
     /// Contacts of the step that are none of the problem because nothing can move along their normals.
     pub(super) immobile: Vec<u32>,
     /// Impulses with which the contacts of the step pull, N s; empty where none do.
@@ -121,6 +124,13 @@ impl<'a> Posing<'a> {
         }
         (self.problem, self.free) =
             pose(self.world, self.how, &self.mechanisms, &self.chosen, (rows, masses));
+    }
+
+    /// What the turn of the contacts' frames makes of the slip.
+    fn turned(&self) -> Vec<f64> {
+        let Delassus::Rigid(rigid) = &*self.problem.delassus else { return Vec::new() };
+        let velocities = [self.mechanisms.before(), &self.free];
+        turned_slip(self.world, &self.chosen, rigid.contacts(), velocities, self.how.0)
     }
 
     /// Leaves out the contacts along whose normals nothing can move, but for those that bodies are driven
@@ -210,6 +220,7 @@ impl Stepper {
             solved.report = solved.report.after(&earlier);
         }
         let (on_bodies, agrees) = self.agree(&mut posing, &mut impulse, &mut solved)?;
+        let turned = posing.turned();
         let Posing { mechanisms, active, problem, free, .. } = posing;
         let Solved { report: mut solve, parts } = solved;
         let mut velocity = velocity_after(&problem, &impulse, free);
@@ -235,6 +246,7 @@ impl Stepper {
             posed,
             cell,
             impulse,
+            turned,
             active,
             immobile,
             pulls,

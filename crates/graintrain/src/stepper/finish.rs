@@ -241,11 +241,12 @@ impl Stepper {
 
     /// What the solve left of the contact problem.
     fn left_over(&self, contacts: &[Contact], attempt: &Attempt, size: &[f64]) -> PhysicalErrors {
-        let Attempt { problem, cell, impulse, active, velocity, .. } = attempt;
+        let Attempt { problem, cell, impulse, turned, active, velocity, .. } = attempt;
         let Delassus::Rigid(rigid) = &*problem.delassus else { return PhysicalErrors::default() };
         let chosen = chosen_of(attempt.posed_with(contacts), active);
         let size: Vec<f64> = active.iter().map(|&i| size[i as usize]).collect();
         let mut u = relative_velocities(cell.as_ref(), &chosen, rigid.contacts(), velocity);
+        u.iter_mut().zip(turned).for_each(|(u, turned)| *u += turned);
         u.extend(turning_velocities(&chosen, rigid.contacts(), rigid.turning(), velocity));
         let accuracy = (self.settings.step, self.settings.solver.tolerance);
         PhysicalErrors::of(&chosen, &size, (problem, impulse), &u, accuracy)
