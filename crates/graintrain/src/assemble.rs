@@ -4,6 +4,7 @@ use crate::cell::{self, Cell};
 use crate::collide::identity::PreviousContacts;
 use crate::contact::{Contact, ContactSet};
 use crate::elasticity::{bias, compliances};
+use crate::joint::{Motor, PlacedJoint};
 use crate::math::{Vec3, tangents};
 use crate::turning::{FrameTurn, frame_moment, turning, turning_velocities};
 use crate::world::{FREE, World};
@@ -76,7 +77,7 @@ pub fn relative_velocities(
 ///
 /// with three more rows for every contact that resists turning ([`crate::turning`]), whose b is zero; where
 /// Phi_i > 0. Where bodies overlap, b_i = 0 or, after the paper, Phi_i / dt: see [`OverlapCorrection`]. What
-/// bodies carried along on a surface that turns see of it in the step comes to b_i, too ([`FrameTurn`]),
+/// bodies carried along on a surface that turns see of it in the step comes to b_i, too (`FrameTurn`),
 /// with the velocities `before` it.
 /// Elastic contacts have a b of their own and a diagonal beside D^T M^-1 D: see [`crate::elasticity`]. The
 /// velocity of prescribed bodies enters r. Restitution is not here but in [`crate::impact`].
@@ -118,8 +119,8 @@ pub fn assemble(
     }
 }
 
-/// What the turn of the contacts' frames makes of the slip ([`FrameTurn`]), as r; empty where nothing that is
-/// led turns. Velocities `before` the step and `free`, six per body.
+/// What the turn of the contacts' frames makes of the slip ([`FrameTurn`]), as r; empty where nothing that
+/// motions or motors lead turns. Velocities `before` the step and `free`, six per body.
 pub(crate) fn turned_slip(
     world: &World,
     contacts: &[Contact],
@@ -127,9 +128,10 @@ pub(crate) fn turned_slip(
     [before, free]: [&[f64]; 2],
     step: f64,
 ) -> Vec<f64> {
-    let velocity = |body: usize| velocity_of(if world.is_prescribed(body) { free } else { before }, body);
+    let velocity = |body: usize| frame_velocity(world, [before, free], body);
     let mut is_led: Vec<bool> = of_each(&world.bodies.motion, |&motion| motion != FREE);
-    for body in world.joints().iter().flat_map(|placed| placed.joint.bodies.iter().flatten()) {
+    let leads = |placed: &&PlacedJoint| matches!(placed.joint.motor, Some(Motor::Speed { .. }));
+    for body in world.joints().iter().filter(leads).flat_map(|placed| placed.joint.bodies.iter().flatten()) {
         is_led[body.index()] = true;
     }
     if !is_led.iter().enumerate().any(|(body, &is_led)| is_led && velocity(body)[1] != Vec3::ZERO) {
@@ -146,6 +148,12 @@ pub(crate) fn turned_slip(
         },
     );
     slip
+}
+
+/// Velocity of a body before the step and its angular velocity, that of a prescribed one in the step.
+pub(crate) fn frame_velocity(world: &World, [before, free]: [&[f64]; 2], body: usize) -> [Vec3; 2] {
+    let [linear, spin] = velocity_of(before, body);
+    [linear, if world.is_prescribed(body) { velocity_of(free, body)[1] } else { spin }]
 }
 
 /// A property of the two materials of every contact.

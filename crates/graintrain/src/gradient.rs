@@ -11,13 +11,15 @@
 //! with the mean velocities m of the step and V of `crate::rotation`, which is m but for the turning of
 //! bodies that are no balls. Of a number L with dL = n . dv+ (a vector-Jacobian product), k = n dV/dm, and
 //! with the adjoint of g for y = D^T M^-1 k ([`graintrain_ccp::sensitivity`]): dL/dv* = k + D dL/dr, and from
-//! there by the chain rule of v*(v, f). Contacts, their gaps and frames belong to the positions, which stay.
+//! there by the chain rule of v*(v, f); what b knows of v (`FrameTurn`) is added. Contacts, their gaps and
+//! frames belong to the positions, which stay.
 //!
 //! There is a derivative where every contact is strictly apart, sticking or sliding. Contacts that only
 //! velocities make contacts, and what else a step does by decisions, have none, and [`GradientError`] says
 //! so: impacts with restitution, contacts found in the midst of the step, drag. Turns that mend overlap and
 //! take the angular velocity with them are left out.
 
+use crate::assemble::frame_velocity;
 use crate::collide::Collider;
 use crate::contact::Contact;
 use crate::handle::MaterialId;
@@ -247,21 +249,19 @@ impl StepGradient {
         let Delassus::Rigid(rigid) = &*self.problem.delassus else { return };
         let before = velocities(&self.before);
         let free = free_velocity(&self.before, &before, self.step);
-        let state = |body: usize| {
-            let all = if self.before.is_prescribed(body) { &free } else { &before };
-            [0, 3].map(|part| Vec3::from_slice(&all[6 * body + part..6 * body + part + 3]))
-        };
+        let state = |body: usize| frame_velocity(&self.before, [&before, &free], body);
         for ((contact, row), r) in self.contacts().iter().zip(rigid.contacts()).zip(r.chunks_exact(3)) {
             let is_led = |body: usize| !self.before.is_free(body);
             let Some(turn) = FrameTurn::of(&self.before, contact, self.step, is_led, state) else { continue };
             let [_, t1, t2] = row.frame.map(Vec3::from_array);
             let (by_motion, by_spin) = turn.derivative(r[1] * t1 + r[2] * t2);
-            for (body, by) in [(row.body_a, [by_motion, by_spin[0]]), (row.body_b, [-by_motion, by_spin[1]])]
-            {
-                if body != FIXED {
-                    let own = velocity[6 * body as usize..6 * body as usize + 6].iter_mut();
-                    own.zip(by.iter().flat_map(Vec3::to_array)).for_each(|(own, by)| *own += by);
-                }
+            let sides = [(contact.body_a, by_motion, by_spin[0]), (contact.body_b, -by_motion, by_spin[1])];
+            for (body, by_motion, by_spin) in sides {
+                // The spin of what is driven is that of its motion.
+                let by_spin = if self.before.is_prescribed(body as usize) { Vec3::ZERO } else { by_spin };
+                let own = velocity[6 * body as usize..6 * body as usize + 6].iter_mut();
+                let by = [by_motion, by_spin];
+                own.zip(by.iter().flat_map(Vec3::to_array)).for_each(|(own, by)| *own += by);
             }
         }
     }

@@ -14,7 +14,7 @@
 //! | `polyhedra` | boxes, convex hulls and triangles with each other, in closed form |
 //! | `manifold` | cylinders and cones with each other and with those, through the collision library |
 //! | `corners`, `edges` | points of corners and edges that both leave out |
-//! | `polish` | the exact normal of a contact of a cylinder or cone, from the library's nearly exact one |
+//! | `polish` | the exact normal of a contact of a cylinder or cone, from the library's, which is nearly exact, or lost |
 //! | `reduce` | the contacts that a patch needs: four, up to eight where four do not hold the others |
 //! | `separation` | planes between convex bodies |
 //! | `sweep` | when fast bodies meet within a step, and the contact that lets them arrive |

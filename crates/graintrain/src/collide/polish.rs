@@ -11,9 +11,9 @@
 //!
 //! is greatest at the exact normal. Most are one of a few directions with a closed form: the normal of a face
 //! or cap, the common normal of a mantle and an edge, of two mantles, of a mantle and a corner. Where the
-//! best of them does as well as the normal found, it is the normal. Where they overlap, what is found is held
-//! against the normal of the two with the round one made a little smaller, so that they are apart: of such
-//! solids the library finds it well.
+//! best of them does as well as the normal found, it is the normal. A deep overlap is held against the normal
+//! of the two with the round one made a little smaller, so that they are apart: of such solids the library
+//! finds it well.
 
 use crate::hull::HullEdge;
 use crate::math::{Pose, Vec3};
@@ -30,14 +30,17 @@ const AS_FAR: f64 = 1e-9;
 /// smaller solid.
 const FOREMOST: f64 = 0.1;
 
-/// By what fractions of its size the round solid is made smaller until the two are apart.
+/// By what fractions of its size the round solid is made smaller, so that the two are apart.
 const SMALLER: [f64; 3] = [1e-3, 3e-2, 0.3];
+
+/// Overlap, in sizes of the smaller solid, beyond which it is held against theirs: bodies seldom have it.
+const DEEP: f64 = 1e-3;
 
 /// Replaces the normal of a manifold and its points by exact ones, where something round is among the solids
 /// and a closed form is the normal. Lengths in sizes of the smaller solid, in the frame of A; the normal
 /// points from A to B.
 pub(super) fn polish(a: &Convex<'_>, b: &Convex<'_>, pose: &Pose, manifold: &mut ContactManifold<(), ()>) {
-    let mut found = manifold.local_n1;
+    let found = manifold.local_n1;
     if !(is_round(a) || is_round(b)) || !found.is_finite() || found == Vec3::ZERO {
         return;
     }
@@ -47,20 +50,21 @@ pub(super) fn polish(a: &Convex<'_>, b: &Convex<'_>, pose: &Pose, manifold: &mut
         (other - own).dot(n)
     };
     let mut nearest = manifold.points.last().map(|point| (point.local_p1, point.local_p2));
-    let mut known = None;
-    if gap(found) < -AS_FAR
-        && let Some((normal, points)) = apart(a, b, pose)
-        && gap(normal) > gap(found) + AS_FAR
+    let exact = |found: Vec3| {
+        let directions = candidates(a, b, pose, found).into_iter().filter_map(|n| n.try_normalize());
+        let gaps = directions.flat_map(|n| [n, -n]).map(|n| (gap(n), n));
+        let best = gaps.max_by(|(one, _), (other, _)| one.total_cmp(other));
+        best.filter(|(best, _)| *best >= gap(found) - AS_FAR)
+    };
+    let mut best = exact(found);
+    let deepest = best.map_or(gap(found), |(best, _)| best);
+    if deepest < -DEEP
+        && let Some((normal, points)) = apart(a, b, pose, gap)
+        && gap(normal) > deepest + DEEP
     {
-        (found, nearest, known) = (normal, Some(points), Some((gap(normal), normal)));
+        best = exact(normal).or(Some((gap(normal), normal)));
+        nearest = Some(points);
     }
-    let best = candidates(a, b, pose, found)
-        .into_iter()
-        .filter_map(|n| n.try_normalize())
-        .flat_map(|n| [n, -n])
-        .map(|n| (gap(n), n))
-        .max_by(|(one, _), (other, _)| one.total_cmp(other));
-    let best = best.filter(|(best, _)| *best >= gap(found) - AS_FAR).or(known);
     let Some((distance, normal)) = best else { return };
     let back = pose.rotation.inverse() * -normal;
     let (mut own, mut other) = (PolygonalFeature::default(), PolygonalFeature::default());
@@ -101,23 +105,35 @@ impl SupportMap for Smaller<'_> {
 }
 
 /// The normal of two solids that overlap, and the nearest points of both in their own frames, from the two
-/// with the round one of them (of two, A) smaller.
-fn apart(a: &Convex<'_>, b: &Convex<'_>, pose: &Pose) -> Option<(Vec3, (Vec3, Vec3))> {
-    SMALLER.into_iter().find_map(|smaller| {
+/// with the round one of them (of two, A) smaller: the one with the largest `gap`.
+fn apart(
+    a: &Convex<'_>,
+    b: &Convex<'_>,
+    pose: &Pose,
+    gap: impl Fn(Vec3) -> f64,
+) -> Option<(Vec3, (Vec3, Vec3))> {
+    let of = |smaller: f64| {
         let scale = 1.0 - smaller;
-        let [of_a, of_b] = if is_round(a) { [scale, 1.0] } else { [1.0, scale] };
+        let is_first = is_round(a);
+        let [of_a, of_b] = if is_first { [scale, 1.0] } else { [1.0, scale] };
         let (one, other) = (Smaller(a.support_map(), of_a), Smaller(b.support_map(), of_b));
         let mut simplex = VoronoiSimplex::new();
         let toward = pose.translation.try_normalize().unwrap_or(Vec3::X);
         simplex.reset(CsoPoint::from_shapes(pose, &one, &other, toward));
-        match closest_points(pose, &one, &other, f64::MAX, true, &mut simplex) {
-            GJKResult::ClosestPoints(p, q, normal) => {
-                let q = pose.inverse_transform_point(q);
-                Some((normal.try_normalize()?, (p / of_a, q / of_b)))
-            }
-            _ => None,
-        }
-    })
+        let found = closest_points(pose, &one, &other, f64::MAX, true, &mut simplex);
+        let GJKResult::ClosestPoints(p, q, normal) = found else { return None };
+        let normal = normal.try_normalize()?;
+        // The point of the round solid on its own surface, and the other one's along the normal.
+        let points = if is_first {
+            let p = p / scale;
+            (p, pose.inverse_transform_point(p + gap(normal) * normal))
+        } else {
+            let q = pose.inverse_transform_point(q) / scale;
+            (pose * q - gap(normal) * normal, q)
+        };
+        Some((normal, points))
+    };
+    SMALLER.into_iter().filter_map(of).max_by(|(one, _), (other, _)| gap(*one).total_cmp(&gap(*other)))
 }
 
 /// Directions that may be the normal, in the frame of A, of any length and sign: the normals of faces, the

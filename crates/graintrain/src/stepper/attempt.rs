@@ -520,6 +520,12 @@ fn check_joints(world: &World, joints: &JointReactions, settings: &SolveSettings
     if (measured.is_nan() || measured > settings.tolerance) && solve.status == Status::Converged {
         solve.status = Status::IterationLimit;
         let name = world.joint_label(joints.worst);
+        if joints.is_lost {
+            solve.remark = Some(format!(
+                "{name} would hold by forces beyond all bounds: its motor, or another one, drives it against joints, stops or driven bodies; a largest torque or force helps"
+            ));
+            return;
+        }
         solve.remark = Some(format!(
             "{name} opens at {:.1e} m/s: joints, stops or driven bodies contradict each other, or bodies turn too far in a step",
             joints.opening

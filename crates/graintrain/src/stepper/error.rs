@@ -115,7 +115,9 @@ pub(super) fn check_drives(world: &World, step: f64) -> Result<(), StepError> {
         ];
         for (what, profile) in drives.into_iter().filter_map(|(what, profile)| Some((what, profile?))) {
             let (time, value) = (world.time, profile.mean(world.time, step));
-            if !value.is_finite() {
+            // A limit without bounds is none.
+            let is_none = what.starts_with("limit") && value == f64::INFINITY;
+            if !value.is_finite() && !is_none {
                 let of = world.joint_label(index);
                 let what = format!("the {what} of {of} in the step from {time} s on");
                 return Err(ModelError::Value { what, value, expected: "finite" }.into());

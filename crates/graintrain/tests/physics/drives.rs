@@ -12,7 +12,7 @@ use graintrain::shape::{Geometry, HalfSpace, Part, Shape, Sphere};
 use graintrain::stepper::{SolverChoice, StepSettings, Stepper};
 use graintrain::world::{Body, World};
 use std::collections::BTreeSet;
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 const BOTH: [FrictionModel; 2] = [FrictionModel::Relaxed, FrictionModel::Coulomb];
 
@@ -205,6 +205,37 @@ fn a_turning_box_of_planes_misses_no_contact() {
     }
 }
 
+/// A block on a table that goes round with the world turning under it, about an axis beside the table, stays
+/// where it is on the table, also at its middle.
+#[test]
+fn what_rides_on_an_orbiting_table_stays_there() {
+    for place in [0.0, 0.1] {
+        let (step, speed) = (0.01, 3.0);
+        let mut world = world(10.0, 0.0);
+        let material = MaterialId::default();
+        let plate = world.add_geometry(Geometry::cylinder(0.05, 0.3).unwrap());
+        let turning = Motion::rotating(Vec3::ZERO, Vec3::Z, Profile::Constant(speed));
+        let motion = world.add_motion(turning).unwrap();
+        let table = Body { motion, ..Body::new(plate, material, Vec3::new(1.0, 0.0, -0.05)) };
+        let table = world.add_body(table).unwrap().index();
+        let block = world.add_geometry(Geometry::cuboid(Vec3::new(0.02, 0.02, 0.01)).unwrap());
+        let block = Body {
+            velocity: Vec3::new(0.0, (1.0 + place) * speed, 0.0),
+            angular_velocity: speed * Vec3::Z,
+            ..Body::new(block, material, Vec3::new(1.0 + place, 0.0, 0.01))
+        };
+        let block = world.add_body(block).unwrap().index();
+        let mut stepper = stepper(step, FrictionModel::Coulomb);
+        for _ in 0..(10.0 * TAU / speed / step) as usize {
+            assert!(stepper.step(&mut world).unwrap().solve.converged());
+        }
+        let bodies = &world.bodies;
+        let apart = bodies.position[block] - bodies.position[table];
+        let now = (bodies.orientation[table].conjugate() * apart).with_z(0.0);
+        assert!((now - place * Vec3::X).length() < 4e-3, "{place}: {now}");
+    }
+}
+
 /// What sticks to a turntable, driven as a motion or by the motor of its joint, stays on its circle, also
 /// where it is held by nine tenths of what friction can do; a ball that rolls on it goes round a circle of
 /// its own, 2/7 as fast.
@@ -255,6 +286,10 @@ fn what_rides_on_a_turntable_keeps_to_its_circle() {
             assert!(stepper.step(&mut world).unwrap().solve.converged());
         }
         let out = |body: usize| world.bodies.position[body].with_z(0.0).length();
+        let place = world.bodies.position[block];
+        let behind = (place.y.atan2(place.x) - 5.0 * speed).rem_euclid(TAU);
+        let behind = if behind > PI { behind - TAU } else { behind };
+        assert!(behind.abs() < 10.0 * tolerance, "{step} {friction}: {behind}");
         assert!((out(block) / radius - 1.0).abs() < tolerance, "{step} {friction}: {}", out(block) / radius);
         assert!((out(ball) / 0.3 - 1.0).abs() < 0.02, "{step} {friction}: {}", out(ball) / 0.3);
     }

@@ -1,6 +1,6 @@
 //! What joints exert.
 
-use super::{Mechanism, Mechanisms, Solution};
+use super::{ActiveRow, Mechanism, Mechanisms, Solution};
 use crate::joint::kinematics::{Placed, coordinate, last};
 use crate::joint::{JointKind, JointState};
 use crate::math::Vec3;
@@ -19,6 +19,8 @@ pub(crate) struct JointReactions {
     pub worst: usize,
     /// Rate at which it does, m/s.
     pub opening: f64,
+    /// Of some joints forces are not known ([`Mechanisms::lost`]): they are reported as none.
+    pub is_lost: bool,
 }
 
 impl Mechanisms<'_> {
@@ -65,17 +67,10 @@ impl Mechanisms<'_> {
                 }
             }
             found.impulses.extend(self.of_swings(mechanism, &solution));
-            if lost > 0.0 {
-                // Nothing is to be stiffened by forces that are rounding.
-                for &joint in &mechanism.joints {
-                    found.states[joint].force = Vec3::ZERO;
-                }
-            }
             for (row, &rate) in mechanism.rows.iter().zip(&rates) {
                 // What positions round to is none.
                 let opening = self.opening(row, rate);
                 let opening = if opening <= row.noise { 0.0 } else { opening };
-                let opening = if lost > 0.0 { opening.max(lost) } else { opening };
                 if opening.is_nan() || opening > found.opening {
                     (found.opening, found.worst) = (opening, row.joint);
                 }
@@ -83,20 +78,35 @@ impl Mechanisms<'_> {
                 // Springs never open.
                 count += i32::from(row.compliance <= 0.0);
             }
+            if let Some((joint, change)) = lost {
+                // Such numbers are rounding, and nothing is to be stiffened by them.
+                for &joint in &mechanism.joints {
+                    let state = &mut found.states[joint];
+                    (state.force, state.torque, state.drive) = (Vec3::ZERO, Vec3::ZERO, 0.0);
+                }
+                found.is_lost = true;
+                if change > found.opening {
+                    (found.opening, found.worst) = (change, joint);
+                }
+                squares += (change / self.yardstick).powi(2);
+                count += 1;
+            }
         }
         let rms = (squares / f64::from(count.max(1))).sqrt();
         found.residual = Residual { max: found.opening / self.yardstick, rms };
         found
     }
 
-    /// Velocity that rounding makes of the impulses of a mechanism, m/s, where that is more than velocities
-    /// are measured by: where a motor without a limit drives a linkage over a dead point, or two of them
-    /// against each other, joints hold by forces beyond all bounds. Else 0.
-    pub(super) fn lost(&self, mechanism: &Mechanism, solution: &Solution) -> f64 {
-        let rows = mechanism.rows.iter().zip(&solution.impulse);
-        let changes = rows.map(|(row, impulse)| (impulse * row.norm * row.norm).abs());
-        let lost = f64::EPSILON * changes.fold(0.0, f64::max);
-        if lost > self.yardstick { lost } else { 0.0 }
+    /// The joint whose impulse rounds to the largest velocity, m/s, where that is more than velocities are
+    /// measured by: where a motor without a limit drives a linkage over a dead point, or two of them against
+    /// each other, joints would hold by forces beyond all bounds.
+    pub(super) fn lost(&self, mechanism: &Mechanism, solution: &Solution) -> Option<(usize, f64)> {
+        let change = |(row, impulse): (&ActiveRow, &f64)| {
+            let length = if row.row.angular { self.lengths[row.joint] } else { 1.0 };
+            (row.joint, f64::EPSILON * length * (impulse * row.norm * row.norm).abs())
+        };
+        let changes = mechanism.rows.iter().zip(&solution.impulse).map(change);
+        changes.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, change)| *change > self.yardstick)
     }
 
     /// The impulses of stiffened swings on bodies: M (v+ - v*) less those of joints and contacts.

@@ -132,7 +132,7 @@ impl Mechanisms<'_> {
         let mechanism = &self.mechanisms[index];
         let poses = |body: usize| self.world.pose(body);
         let forces = self.forces(mechanism, &solution.impulse);
-        if forces.iter().any(|force| !force.is_finite()) || self.lost(mechanism, solution) > 0.0 {
+        if forces.iter().any(|force| !force.is_finite()) || self.lost(mechanism, solution).is_some() {
             return false;
         }
         let foreseen = mechanism.is_foreseen;
