@@ -7,7 +7,7 @@ use crate::elasticity::{bias, compliances};
 use crate::joint::{Motor, PlacedJoint};
 use crate::math::{Vec3, tangents};
 use crate::turning::{FrameTurn, frame_moment, turning, turning_velocities};
-use crate::world::{FREE, World};
+use crate::world::World;
 use graintrain_ccp::{BodyInverseMass, Ccp, CoupledBodies, Delassus, FIXED, RigidContact, RigidDelassus};
 use graintrain_linalg::parallel::fold_chunks;
 use graintrain_linalg::real;
@@ -129,7 +129,7 @@ pub(crate) fn turned_slip(
     step: f64,
 ) -> Vec<f64> {
     let velocity = |body: usize| frame_velocity(world, [before, free], body);
-    let mut is_led: Vec<bool> = of_each(&world.bodies.motion, |&motion| motion != FREE);
+    let mut is_led: Vec<bool> = (0..world.bodies.len()).map(|body| has_led_turns(world, body)).collect();
     let leads = |placed: &&PlacedJoint| matches!(placed.joint.motor, Some(Motor::Speed { .. }));
     for body in world.joints().iter().filter(leads).flat_map(|placed| placed.joint.bodies.iter().flatten()) {
         is_led[body.index()] = true;
@@ -148,6 +148,11 @@ pub(crate) fn turned_slip(
         },
     );
     slip
+}
+
+/// Whether a motion leads turns of a body.
+pub(crate) fn has_led_turns(world: &World, body: usize) -> bool {
+    world.free_degrees(body)[3..] != [true; 3]
 }
 
 /// Velocity of a body before the step and its angular velocity, that of a prescribed one in the step.

@@ -19,7 +19,7 @@
 //! so: impacts with restitution, contacts found in the midst of the step, drag. Turns that mend overlap and
 //! take the angular velocity with them are left out.
 
-use crate::assemble::frame_velocity;
+use crate::assemble::{frame_velocity, has_led_turns};
 use crate::collide::Collider;
 use crate::contact::Contact;
 use crate::handle::MaterialId;
@@ -251,7 +251,7 @@ impl StepGradient {
         let free = free_velocity(&self.before, &before, self.step);
         let state = |body: usize| frame_velocity(&self.before, [&before, &free], body);
         for ((contact, row), r) in self.contacts().iter().zip(rigid.contacts()).zip(r.chunks_exact(3)) {
-            let is_led = |body: usize| !self.before.is_free(body);
+            let is_led = |body: usize| has_led_turns(&self.before, body);
             let Some(turn) = FrameTurn::of(&self.before, contact, self.step, is_led, state) else { continue };
             let [_, t1, t2] = row.frame.map(Vec3::from_array);
             let (by_motion, by_spin) = turn.derivative(r[1] * t1 + r[2] * t2);

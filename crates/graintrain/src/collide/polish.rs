@@ -302,7 +302,7 @@ mod tests {
     }
 
     /// A wheel or rod on its rim or lying on the top of a hull up to 200 times its size, touching it to 1e-7:
-    /// the library alone finds overlaps of half the plate in 5 of 100 of these poses.
+    /// the library alone finds overlaps of up to half the plate in some of these poses.
     #[test]
     fn rounds_touch_large_hulls_where_they_do() {
         let mut next = random();
