@@ -4,9 +4,8 @@ use crate::cell::{self, Cell};
 use crate::collide::identity::PreviousContacts;
 use crate::contact::{Contact, ContactSet};
 use crate::elasticity::{bias, compliances};
-use crate::joint::{Motor, PlacedJoint};
 use crate::math::{Vec3, tangents};
-use crate::turning::{FrameTurn, frame_moment, turning, turning_velocities};
+use crate::turning::{frame_moment, turning, turning_velocities};
 use crate::world::World;
 use graintrain_ccp::{BodyInverseMass, Ccp, CoupledBodies, Delassus, FIXED, RigidContact, RigidDelassus};
 use graintrain_linalg::parallel::fold_chunks;
@@ -77,8 +76,7 @@ pub fn relative_velocities(
 ///
 /// with three more rows for every contact that resists turning ([`crate::turning`]), whose b is zero; where
 /// Phi_i > 0. Where bodies overlap, b_i = 0 or, after the paper, Phi_i / dt: see [`OverlapCorrection`]. What
-/// bodies carried along on a surface that turns see of it in the step comes to b_i, too (`FrameTurn`),
-/// with the velocities `before` it.
+/// the frames of contacts turn by in the step comes to b_i, too: `turned` (`frame_turn`; empty: none).
 /// Elastic contacts have a b of their own and a diagonal beside D^T M^-1 D: see [`crate::elasticity`]. The
 /// velocity of prescribed bodies enters r. Restitution is not here but in [`crate::impact`].
 ///
@@ -89,13 +87,12 @@ pub fn assemble(
     contacts: &[Contact],
     rows: Vec<RigidContact>,
     (inverse_mass, coupled): (Vec<BodyInverseMass>, Vec<CoupledBodies>),
-    [before, free]: [&[f64]; 2],
+    (free, turned): (&[f64], &[f64]),
     step: f64,
     overlap: OverlapCorrection,
 ) -> Ccp {
     let mut r = relative_velocities(world.cell(), contacts, &rows, free);
-    let turned = turned_slip(world, contacts, &rows, [before, free], step);
-    r.iter_mut().zip(&turned).for_each(|(r, turned)| *r += turned);
+    r.iter_mut().zip(turned).for_each(|(r, turned)| *r += turned);
     r.par_chunks_exact_mut(3).zip(contacts).with_min_len(TASK).for_each(|(u, contact)| {
         u[0] += bias(world, contact, step).unwrap_or_else(|| match overlap {
             OverlapCorrection::Velocity => contact.gap / step,
@@ -119,48 +116,6 @@ pub fn assemble(
     }
 }
 
-/// What the turn of the contacts' frames makes of the slip ([`FrameTurn`]), as r; empty where nothing that
-/// motions or motors lead turns. Velocities `before` the step and `free`, six per body.
-pub(crate) fn turned_slip(
-    world: &World,
-    contacts: &[Contact],
-    rows: &[RigidContact],
-    [before, free]: [&[f64]; 2],
-    step: f64,
-) -> Vec<f64> {
-    let velocity = |body: usize| frame_velocity(world, [before, free], body);
-    let mut is_led: Vec<bool> = (0..world.bodies.len()).map(|body| has_led_turns(world, body)).collect();
-    let leads = |placed: &&PlacedJoint| matches!(placed.joint.motor, Some(Motor::Speed { .. }));
-    for body in world.joints().iter().filter(leads).flat_map(|placed| placed.joint.bodies.iter().flatten()) {
-        is_led[body.index()] = true;
-    }
-    if !is_led.iter().enumerate().any(|(body, &is_led)| is_led && velocity(body)[1] != Vec3::ZERO) {
-        return Vec::new();
-    }
-    let mut slip = vec![0.0; 3 * contacts.len()];
-    slip.par_chunks_exact_mut(3).zip(contacts).zip(rows).with_min_len(TASK).for_each(
-        |((u, contact), row)| {
-            if let Some(turn) = FrameTurn::of(world, contact, step, |body| is_led[body], velocity) {
-                // Along the normal rounding alone.
-                let [_, along, across] = to_frame(row, turn.slip());
-                u.copy_from_slice(&[0.0, along, across]);
-            }
-        },
-    );
-    slip
-}
-
-/// Whether a motion leads turns of a body.
-pub(crate) fn has_led_turns(world: &World, body: usize) -> bool {
-    world.free_degrees(body)[3..] != [true; 3]
-}
-
-/// Velocity of a body before the step and its angular velocity, that of a prescribed one in the step.
-pub(crate) fn frame_velocity(world: &World, [before, free]: [&[f64]; 2], body: usize) -> [Vec3; 2] {
-    let [linear, spin] = velocity_of(before, body);
-    [linear, if world.is_prescribed(body) { velocity_of(free, body)[1] } else { spin }]
-}
-
 /// A property of the two materials of every contact.
 pub(crate) fn pair_property(
     world: &World,
@@ -176,7 +131,7 @@ pub(crate) fn of_each<T: Sync, U: Send>(items: &[T], of: impl Fn(&T) -> U + Sync
     items.par_iter().with_min_len(TASK).map(&of).collect()
 }
 
-fn velocity_of(velocities: &[f64], body: usize) -> [Vec3; 2] {
+pub(crate) fn velocity_of(velocities: &[f64], body: usize) -> [Vec3; 2] {
     let v = &velocities[6 * body..6 * body + 6];
     [Vec3::new(v[0], v[1], v[2]), Vec3::new(v[3], v[4], v[5])]
 }
@@ -190,7 +145,7 @@ fn relative_velocity(contact: &Contact, rigid: &RigidContact, velocity: impl Fn(
 }
 
 /// Components (n, t1, t2) of a world vector.
-fn to_frame(rigid: &RigidContact, v: Vec3) -> [f64; 3] {
+pub(crate) fn to_frame(rigid: &RigidContact, v: Vec3) -> [f64; 3] {
     rigid.frame.map(|axis| Vec3::from_array(axis).dot(v))
 }
 

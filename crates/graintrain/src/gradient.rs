@@ -19,16 +19,15 @@
 //! so: impacts with restitution, contacts found in the midst of the step, drag. Turns that mend overlap and
 //! take the angular velocity with them are left out.
 
-use crate::assemble::{frame_velocity, has_led_turns};
 use crate::collide::Collider;
 use crate::contact::Contact;
+use crate::frame_turn::{FrameTurn, frame_velocity, has_led_turns};
 use crate::handle::MaterialId;
 use crate::integrate::{free_velocity, free_velocity_derivative, velocities};
 use crate::load::Action;
 use crate::math::Vec3;
 use crate::rotation::{Rotor, is_fast, world_inertia};
 use crate::stepper::{SolverChoice, StepError, StepSettings, Stepper};
-use crate::turning::FrameTurn;
 use crate::world::World;
 use graintrain_ccp::registry::Method;
 use graintrain_ccp::sensitivity::{Adjoint, ContactState, Sensitivity, SensitivityError};

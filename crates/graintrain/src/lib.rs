@@ -41,6 +41,7 @@ pub mod contact;
 pub mod elasticity;
 pub mod error;
 pub mod formula;
+mod frame_turn;
 pub mod gradient;
 pub mod handle;
 pub mod hull;

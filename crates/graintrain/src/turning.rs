@@ -18,7 +18,6 @@
 //! F. Bourrier, "Coulomb friction with rolling resistance as a cone complementarity problem", European
 //! Journal of Mechanics A/Solids 85:104046, 2021.
 
-use crate::cell;
 use crate::contact::Contact;
 use crate::material::{Materials, TurningResistance};
 use crate::math::Vec3;
@@ -74,93 +73,13 @@ fn radius(world: &World, body: usize) -> f64 {
 }
 
 /// Radius of a ball or capsule, m.
-fn ball_radius(world: &World, body: usize) -> Option<f64> {
+pub(crate) fn ball_radius(world: &World, body: usize) -> Option<f64> {
     match &world.geometries[world.bodies.geometry[body].index()].parts[..] {
         [part] if matches!(part.shape, Shape::Sphere(_) | Shape::Capsule(_)) => {
             Some(part.shape.half_thickness())
         }
         _ => None,
     }
-}
-
-/// How the frame of a contact turns about its normal within a step, with the surface of a body that motions
-/// or motors lead. What rides on a turntable moves by chords of its circle, of which those of velocities at
-/// the start of steps are tangents: it would spiral outward by exp(w^2 dt t / 2). Two free bodies turn by
-/// what their contacts do at that start; turned with them, those would take less energy the longer the step.
-///
-/// With theta = dt w_n / 2, k = theta / (1 + theta^2) (a step does not resolve what turns further) and the
-/// relative velocity m = (u_A - u_B)_t of the centres before the step, which turns on until now, the slip in
-/// the middle of the step is that at its start and -k n x (m + 2 k n x m).
-pub(crate) struct FrameTurn {
-    /// theta, rad.
-    angle: f64,
-    /// Of w_A and w_B in w.
-    shares: [f64; 2],
-    normal: Vec3,
-    /// m, m/s.
-    motion: Vec3,
-    step: f64,
-}
-
-impl FrameTurn {
-    /// That of a contact, with the velocities of bodies before the step and their angular velocities, where
-    /// one is led by a surface that turns.
-    pub(crate) fn of(
-        world: &World,
-        contact: &Contact,
-        step: f64,
-        is_led: impl Fn(usize) -> bool,
-        velocity: impl Fn(usize) -> [Vec3; 2],
-    ) -> Option<Self> {
-        let bodies = [contact.body_a, contact.body_b].map(|body| body as usize);
-        let led = bodies.map(is_led);
-        if led == [false; 2] {
-            return None;
-        }
-        let shares = frame_shares(world, bodies, led);
-        let [[u_a, w_a], [u_b, w_b]] = bodies.map(velocity);
-        let normal = contact.normal;
-        let angle = 0.5 * step * normal.dot(shares[0] * w_a + shares[1] * w_b);
-        let relative = u_a - u_b - cell::image_velocity(world.cell(), contact);
-        let motion = relative - normal.dot(relative) * normal;
-        Some(Self { angle, shares, normal, motion, step })
-    }
-
-    /// By how much the slip in the middle of the step differs from that at its start, m/s.
-    pub(crate) fn slip(&self) -> Vec3 {
-        let k = self.angle / (1.0 + self.angle * self.angle);
-        2.0 * k * k * self.motion - k * self.normal.cross(self.motion)
-    }
-
-    /// Derivatives of slip . y by u_A (by u_B it is minus that), w_A and w_B.
-    pub(crate) fn derivative(&self, y: Vec3) -> (Vec3, [Vec3; 2]) {
-        let Self { angle, shares, normal, motion, step } = *self;
-        let square = angle * angle;
-        let k = angle / (1.0 + square);
-        let along = y - normal.dot(y) * normal;
-        let by_motion = 2.0 * k * k * along - k * y.cross(normal);
-        let by_k = (4.0 * k * motion - normal.cross(motion)).dot(y);
-        let by_angle = (1.0 - square) / (1.0 + square).powi(2) * by_k;
-        (by_motion, shares.map(|share| 0.5 * step * share * by_angle * normal))
-    }
-}
-
-/// The shares of w_A and w_B in the spin of the frame of a contact: R_A and R_B over their sum, the radius of
-/// all but balls and capsules without bounds, and of two such the driven one, or both alike; none of those
-/// that nothing leads.
-fn frame_shares(world: &World, bodies: [usize; 2], led: [bool; 2]) -> [f64; 2] {
-    let shares = match bodies.map(|body| ball_radius(world, body)) {
-        [Some(a), Some(b)] => [a / (a + b), b / (a + b)],
-        [None, Some(_)] => [1.0, 0.0],
-        [Some(_), None] => [0.0, 1.0],
-        [None, None] => match bodies.map(|body| world.is_prescribed(body)) {
-            [true, false] if led[0] => [1.0, 0.0],
-            [false, true] if led[1] => [0.0, 1.0],
-            _ if led == [true; 2] => [0.5; 2],
-            _ => [1.0; 2],
-        },
-    };
-    std::array::from_fn(|k| if led[k] { shares[k] } else { 0.0 })
 }
 
 /// Turning velocities w_A - w_B in the contacts' frames (n, t1, t2) times the length of the rows, m/s, of

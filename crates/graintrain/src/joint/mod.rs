@@ -339,7 +339,7 @@ pub struct JointState {
     /// Its rate in the last step, m/s or rad/s.
     pub rate: f64,
     /// Force on B at the joint's point (that on B) in the last step, world axes, N, of all rows: motor and
-    /// spring included.
+    /// spring included. Zero, as torque and drive, where nothing bounds it, in a step that did not converge.
     pub force: Vec3,
     /// Torque on B about that point, N m.
     pub torque: Vec3,

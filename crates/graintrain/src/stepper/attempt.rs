@@ -6,14 +6,14 @@ use super::mobility;
 use super::repetition::Rounds;
 use super::{StepError, Stepper};
 use crate::assemble::{
-    OverlapCorrection, assemble, contact_rows, of_each, relative_velocities, scale_under, turned_slip,
-    warm_start,
+    OverlapCorrection, assemble, contact_rows, of_each, relative_velocities, scale_under, warm_start,
 };
 use crate::cell::{Cell, moved_mass};
 use crate::cell_problem::CellRows;
 use crate::clock::Clock;
 use crate::contact::Contact;
 use crate::elasticity;
+use crate::frame_turn::turned_slip;
 use crate::impact::{ImpactSolver, Impacts, Rows};
 use crate::integrate::{free_velocity, inverse_mass, inverse_mass_in_step};
 use crate::joint::mechanism::{JointReactions, Mechanisms};
@@ -90,6 +90,8 @@ struct Posing<'a> {
     problem: Ccp,
     /// Velocities without contacts: with joints that nothing else pulls at.
     free: Vec<f64>,
+    /// Of its contacts ([`turned_slip`]).
+    turned: Vec<f64>,
     /// Attempts at this step so far that did not converge.
     unsolved: usize,
 }
@@ -102,9 +104,9 @@ impl<'a> Posing<'a> {
         (rows, masses): (Vec<RigidContact>, Vec<BodyInverseMass>),
         mechanisms: Mechanisms<'a>,
     ) -> Self {
-        let (problem, free) = pose(world, how, &mechanisms, contacts, (rows, masses));
+        let (problem, free, turned) = pose(world, how, &mechanisms, contacts, (rows, masses));
         let active = (0..contacts.len() as u32).collect();
-        Self { world, how, mechanisms, chosen: contacts.into(), active, problem, free, unsolved: 0 }
+        Self { world, how, mechanisms, chosen: contacts.into(), active, problem, free, turned, unsolved: 0 }
     }
 
     /// Poses the problem anew, as the joints now are.
@@ -122,15 +124,8 @@ impl<'a> Posing<'a> {
             self.active = of_each(stays, |&k| self.active[k]);
             self.chosen = of_each(stays, |&k| self.chosen[k]).into();
         }
-        (self.problem, self.free) =
+        (self.problem, self.free, self.turned) =
             pose(self.world, self.how, &self.mechanisms, &self.chosen, (rows, masses));
-    }
-
-    /// What the turn of the contacts' frames makes of the slip.
-    fn turned(&self) -> Vec<f64> {
-        let Delassus::Rigid(rigid) = &*self.problem.delassus else { return Vec::new() };
-        let velocities = [self.mechanisms.before(), &self.free];
-        turned_slip(self.world, &self.chosen, rigid.contacts(), velocities, self.how.0)
     }
 
     /// Leaves out the contacts along whose normals nothing can move, but for those that bodies are driven
@@ -160,17 +155,20 @@ impl<'a> Posing<'a> {
     }
 }
 
-/// The problem of these contacts with joints that nothing else pulls at, and the velocities without contacts.
+/// The problem of these contacts with joints that nothing else pulls at, the velocities without contacts, and
+/// what frames that turn make of the slip.
 fn pose(
     world: &World,
     (step, overlap): (f64, OverlapCorrection),
     mechanisms: &Mechanisms<'_>,
     contacts: &[Contact],
     (rows, masses): (Vec<RigidContact>, Vec<BodyInverseMass>),
-) -> (Ccp, Vec<f64>) {
+) -> (Ccp, Vec<f64>, Vec<f64>) {
     let free = mechanisms.unmet();
     let masses = (masses, mechanisms.coupled());
-    (assemble(world, contacts, rows, masses, [mechanisms.before(), &free], step, overlap), free)
+    let turned = turned_slip(world, contacts, &rows, [mechanisms.before(), &free], step);
+    let problem = assemble(world, contacts, rows, masses, (&free, &turned), step, overlap);
+    (problem, free, turned)
 }
 
 impl Stepper {
@@ -220,8 +218,7 @@ impl Stepper {
             solved.report = solved.report.after(&earlier);
         }
         let (on_bodies, agrees) = self.agree(&mut posing, &mut impulse, &mut solved)?;
-        let turned = posing.turned();
-        let Posing { mechanisms, active, problem, free, .. } = posing;
+        let Posing { mechanisms, active, problem, free, turned, .. } = posing;
         let Solved { report: mut solve, parts } = solved;
         let mut velocity = velocity_after(&problem, &impulse, free);
         mechanisms.velocities(&on_bodies, &mut velocity);
