@@ -7,10 +7,9 @@ use super::manifold::Solid;
 use super::narrow::{Collidable, Placed, body_contacts};
 use super::reduce::Touch;
 use super::search::{Search, surface_speeds};
-use super::sweep::{advanced, arrivals, comes_within, time_of_impact};
-use crate::assemble::of_each;
+use super::sweep::{arrivals, time_of_impact};
 use crate::contact::Contact;
-use crate::math::{Quat, Vec3};
+use crate::math::Vec3;
 use crate::shape::Part;
 use crate::world::World;
 use graintrain_ccp::Ranks;
@@ -170,71 +169,6 @@ impl Collider {
         touches.iter().map(|touch| Contact { image, ..contact(pair, touch) }).collect()
     }
 
-    /// Whether two bodies of the world that move with these velocities (u, w), as a step moves them, nowhere
-    /// overlap by more than `allowed` and what they fell till then, `fall` by the end of the step, m: for
-    /// each of these `allowed`, ascending. Looked at in so many poses that a face no more curved than the
-    /// smaller body's size is not missed; where that would take more than [`POSES`], whether they nowhere
-    /// touch.
-    pub(crate) fn pass_freely(
-        &self,
-        world: &World,
-        pair: [u32; 2],
-        mut velocities: [[Vec3; 2]; 2],
-        step: f64,
-        allowed: &[f64],
-        fall: f64,
-    ) -> Vec<bool> {
-        let ([a, b], image) = self.placed_pair(world, pair);
-        if let Some(cell) = world.cell().filter(|_| image != [0; 3]) {
-            velocities[1][0] += cell.image_velocity(image);
-        }
-        let turn = |k: usize, form: &Collidable| {
-            let spin = velocities[k][1].length();
-            if spin == 0.0 || form.ball.is_some() { 0.0 } else { spin * form.bounding_radius }
-        };
-        let way = step * ((velocities[0][0] - velocities[1][0]).length() + turn(0, a.form) + turn(1, b.form));
-        // A chord of c leaves a circle of radius R by c^2 / 8 R.
-        let poses = |allowed: f64| way / (8.0 * allowed * a.form.size.min(b.form.size)).sqrt();
-        let most = allowed.iter().copied().fold(0.0, f64::max);
-        // The deepest overlap, beyond what they fell, of a walk of so many poses: finer than the next asks
-        // for.
-        let mut overlap: Option<f64> = None;
-        let mut touch: Option<bool> = None;
-        let passes = |&allowed: &f64| {
-            let poses = poses(allowed);
-            if poses.is_nan() {
-                return false;
-            }
-            if poses > POSES {
-                let meet = || time_of_impact(a, b, velocities[0], velocities[1], step, 0.0).is_some();
-                return !*touch.get_or_insert_with(meet);
-            }
-            let walk =
-                || overlap_on_way([a, b], velocities, step, poses.ceil().max(1.0) as u32, [most, fall]);
-            *overlap.get_or_insert_with(walk) <= allowed
-        };
-        allowed.iter().map(passes).collect()
-    }
-
-    /// Whether two bodies that start at these places (m; orientations) and move with these velocities (m/s,
-    /// rad/s) come as near to each other as `reach`, m, within `step` seconds. Forms are those of the last
-    /// call of [`Self::contacts`]. Cost: that of [`time_of_impact`].
-    pub(crate) fn come_within(
-        &self,
-        world: &World,
-        pair: [u32; 2],
-        places: [(Vec3, Quat); 2],
-        velocities: [[Vec3; 2]; 2],
-        step: f64,
-        reach: f64,
-    ) -> bool {
-        let placed = [0, 1].map(|k| {
-            let (position, orientation) = places[k];
-            Placed { form: self.form(world, pair[k] as usize), position, orientation }
-        });
-        comes_within(placed, velocities, step, reach)
-    }
-
     /// Size of a body, m: the radius of spheres, capsules and cylinders, half the thickness of boxes. A body
     /// without a size of its own (planes, meshes) has an infinite one. Forms are those of the last call of
     /// [`Self::contacts`].
@@ -256,100 +190,6 @@ impl Collider {
         };
         let reach = form.geometry.parts.iter().map(of_part).fold(f64::NEG_INFINITY, f64::max);
         (reach, form.bounding_radius)
-    }
-
-    /// The contact of two balls that are apart and touch within the step as they move now: with the normal
-    /// and the arms of that moment. `None` for other bodies, and for balls that do not touch in it.
-    pub(crate) fn arrival_of_balls(&self, world: &World, apart: &Contact, step: f64) -> Option<Contact> {
-        let pair = [apart.body_a, apart.body_b];
-        if !pair.iter().all(|&body| self.is_ball(world, body as usize)) {
-            return None;
-        }
-        let ([a, b], image) = self.placed_pair(world, pair);
-        let [v_a, v_b] = world.pair_velocities(pair);
-        let impact =
-            time_of_impact(a, b, v_a, v_b, step, 0.0).filter(|i| i.time > 0.0 && image == apart.image)?;
-        let arrival = *arrivals(&impact, a, b, v_a, v_b).first()?;
-        let lead = 0.5 * (arrival.on_a - arrival.on_b);
-        Some(Contact { lead, image, identity: apart.identity, ..contact(pair, &arrival.touch) })
-    }
-
-    /// What becomes of the contacts of bodies that move with these velocities, six numbers each, where they
-    /// pass each other though planes have them overlap at the end of the step by more than `seen` of the
-    /// smaller one's size, Phi + dt u_n < 0 (`u`: three numbers per contact), and they overlap on their way
-    /// by no more than the fraction `allowed` of that: the plane is further off, so that it pushes only what
-    /// is deflected across it. Phi + dt u_n is 0 then, and for balls, along the line of centres, so that
-    /// angular momentum stays, how near they come.
-    pub(crate) fn flown_past(
-        &self,
-        world: &World,
-        contacts: &[Contact],
-        (velocity, u): (&[f64], &[f64]),
-        step: f64,
-        [seen, allowed]: [f64; 2],
-    ) -> Vec<Contact> {
-        let pair = |contact: &Contact| [contact.body_a, contact.body_b];
-        let velocities = |contact: &Contact| {
-            pair(contact)
-                .map(|body| [0, 3].map(|k| Vec3::from_slice(&velocity[6 * body as usize + k..][..3])))
-        };
-        let are_balls =
-            |c: &Contact| self.is_ball(world, c.body_a as usize) && self.is_ball(world, c.body_b as usize);
-        let past = |c: &Contact| {
-            if are_balls(c) { self.balls_past(world, c, velocities(c), step) } else { *c }
-        };
-        let mut moved = of_each(contacts, past);
-        // Other pairs have several contacts, one behind the other.
-        let others: Vec<usize> = (0..contacts.len()).filter(|&i| !are_balls(&contacts[i])).collect();
-        let is_one = |i: &usize, j: &usize| pair(&contacts[*i]) == pair(&contacts[*j]);
-        let gaps = others.par_chunk_by(is_one).flat_map_iter(|group| {
-            let first = &contacts[group[0]];
-            let size = self.contact_size(world, first);
-            let closed = |i: usize| -step * u[3 * i];
-            let closes = |i: usize| contacts[i].gap > 0.0 && closed(i) > contacts[i].gap + seen * size;
-            let closing = group.iter().copied().filter(|&i| closes(i));
-            let least = closing.clone().map(|i| closed(i) - contacts[i].gap).reduce(f64::min);
-            let passes = least.is_some_and(|least| {
-                let allowed = (allowed * least).min(seen * size);
-                self.pass_freely(world, pair(first), velocities(first), step, &[allowed], 0.0)[0]
-            });
-            closing.filter(|_| passes).map(|i| (i, closed(i))).collect::<Vec<_>>()
-        });
-        for (i, gap) in gaps.collect::<Vec<_>>() {
-            moved[i].gap = gap;
-        }
-        moved
-    }
-
-    /// [`Self::flown_past`] of two balls:
-    ///
-    /// ```text
-    /// |x + t u| > r_A + r_B   for 0 <= t <= dt      (x, u: place and velocity of A relative to B).
-    /// ```
-    pub(crate) fn balls_past(
-        &self,
-        world: &World,
-        contact: &Contact,
-        velocities: [[Vec3; 2]; 2],
-        step: f64,
-    ) -> Contact {
-        if contact.gap <= 0.0 {
-            return *contact;
-        }
-        let ([a, b], image) = self.placed_pair(world, [contact.body_a, contact.body_b]);
-        let mut approach = velocities[0][0] - velocities[1][0];
-        if let Some(cell) = world.cell().filter(|_| image != [0; 3]) {
-            approach -= cell.image_velocity(image);
-        }
-        let closed = -step * contact.normal.dot(approach);
-        if contact.gap >= closed {
-            return *contact;
-        }
-        let apart = a.position - b.position;
-        let radii = [a, b].map(|ball| ball.form.bounding_radius);
-        let time = (-apart.dot(approach) / approach.length_squared()).min(step);
-        let nearest = (apart + time * approach).length() - radii[0] - radii[1];
-        if nearest > 0.0 { Contact { gap: closed + nearest, ..*contact } } else { *contact }
     }
 
     /// Size of the smaller body of a contact, m.
@@ -402,7 +242,7 @@ impl Collider {
 
     /// Both bodies of a pair, the second as its image beside the first, and by how many edges of a periodic
     /// cell that is away from it.
-    fn placed_pair(&self, world: &World, pair: [u32; 2]) -> ([Placed<'_>; 2], [i32; 3]) {
+    pub(super) fn placed_pair(&self, world: &World, pair: [u32; 2]) -> ([Placed<'_>; 2], [i32; 3]) {
         let [a, mut b] = pair.map(|body| self.placed(world, body as usize));
         let image = world.image_beside(pair);
         if let Some(cell) = world.cell().filter(|_| image != [0; 3]) {
@@ -583,37 +423,10 @@ impl Collider {
     }
 }
 
-/// The deepest overlap of two bodies in so many poses of their way, beyond what they fell till then
-/// (`fall` by the end of the step), m; infinite as soon as it is above `most`.
-fn overlap_on_way(
-    [a, b]: [Placed<'_>; 2],
-    velocities: [[Vec3; 2]; 2],
-    step: f64,
-    poses: u32,
-    [most, fall]: [f64; 2],
-) -> f64 {
-    let (mut deepest, mut touches) = (f64::NEG_INFINITY, Vec::new());
-    for k in 1..=poses {
-        let share = f64::from(k) / f64::from(poses);
-        let [a, b] = [(a, velocities[0]), (b, velocities[1])].map(|(x, v)| advanced(x, v, share * step));
-        touches.clear();
-        body_contacts(a, b, 0.0, &mut touches);
-        let overlaps = touches.iter().map(|touch| -touch.gap - fall * share);
-        deepest = overlaps.fold(deepest, f64::max);
-        if deepest > most {
-            return f64::INFINITY;
-        }
-    }
-    deepest
-}
-
 /// Bodies whose surfaces move by more than this fraction of the smaller one's size relative to each other
 /// within a step are looked at along their way: up to there the error of a fixed normal is a thirtieth of the
 /// size.
 const FAST: f64 = 0.5;
-
-/// Poses of a pair looked at to see whether it passes.
-const POSES: f64 = 512.0;
 
 /// Turn of a body within a step, rad, up to which a fixed normal does.
 const TURN: f64 = 0.3;
@@ -623,7 +436,7 @@ fn bodies_of(world: &World, task: usize) -> Range<usize> {
     task * TASK..((task + 1) * TASK).min(world.bodies.len())
 }
 
-fn contact([body_a, body_b]: [u32; 2], touch: &Touch) -> Contact {
+pub(super) fn contact([body_a, body_b]: [u32; 2], touch: &Touch) -> Contact {
     Contact {
         body_a,
         body_b,

@@ -6,6 +6,7 @@
 //! | `grid` | cell list for the many bodies of similar size |
 //! | `candidates` | candidate pairs: the cell list, a tree over large bodies, planes |
 //! | `broad`, `search` | the loop over bodies that makes the list of contacts; which touches count |
+//! | `passing` | pairs along their way: whether they meet or pass each other |
 //! | `overlaps` | what an initial state should be checked for |
 //! | `narrow` | contacts of two bodies, shape by shape |
 //! | `triangle`, `plane`, `capsule` | closed-form kernels |
@@ -35,6 +36,7 @@ mod manifold;
 mod mesh;
 mod narrow;
 mod overlaps;
+mod passing;
 pub mod places;
 mod plane;
 mod polish;

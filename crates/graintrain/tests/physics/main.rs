@@ -17,6 +17,7 @@ mod invariants;
 mod joints;
 mod loads;
 mod meshes;
+mod motors;
 mod packings;
 mod pages;
 mod repetition;
