@@ -58,6 +58,9 @@ fn at_the_end(summary: &Summary) -> String {
 /// A larger share of contacts that pressed though their bodies were apart is reported.
 const APART: f64 = 1e-3;
 
+/// A larger sum of shares of an angular momentum that were lost is reported.
+const LOST: f64 = 0.01;
+
 /// Whether what is left undone is no matter of accuracy any more: a tenth of the steps, or a tenth of a body.
 fn is_wrong(summary: &Summary) -> bool {
     let Figures { unconverged_steps, penetration_max_over_radius, .. } = summary.figures;
@@ -97,7 +100,14 @@ fn trust(summary: &Summary) -> String {
             counted(parts, "group of impacts", "groups of impacts")
         ),
     };
-    format!("{solved}, {met}, {overlap}{apart}{lowered}")
+    let lost = match summary.figures.momentum_lost {
+        sum if sum > LOST => format!(
+            ", of bodies that turned by more than 1 rad in a step {} of the angular momentum changed without a torque (shorter steps help)",
+            percent(sum)
+        ),
+        _ => String::new(),
+    };
+    format!("{solved}, {met}, {overlap}{apart}{lowered}{lost}")
 }
 
 /// The figures of the run, a name and a value per line.

@@ -191,7 +191,8 @@ impl StepReport {
     }
 
     /// What is left of the contact problem in physical units, as a dict: approach_max (m/s),
-    /// overlap_per_step_max_over_size, cone_excess_max, slip_angle_max (rad), joint_opening_max (m).
+    /// overlap_per_step_max_over_size, cone_excess_max, slip_angle_max (rad), joint_opening_max (m),
+    /// momentum_lost_max.
     #[getter]
     fn errors<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         plain(py, &self.report.errors)

@@ -202,8 +202,8 @@ pub(crate) enum Course {
 
 /// Moves all bodies by the mean velocities of the step, `x + dt u` and as [`Rotor::turn`] says, and sets
 /// the velocities after it; both the velocities before it (after impacts) and the mean ones are six numbers
-/// per body. Returned are the velocities at the start once all impulses have acted: from there bodies only
-/// coast.
+/// per body. Returned are the velocities at the start once all impulses have acted, from where bodies only
+/// coast, and the largest [`Turn::lost`](crate::rotation::Turn) of a body.
 ///
 /// u is the velocity after the step, too, with which contacts are linearised. What flies moves by
 /// x + dt (u0 + u) / 2, which under gravity is the exact parabola and keeps the energy.
@@ -212,14 +212,14 @@ pub(crate) fn advance(
     [before, mean]: [&[f64]; 2],
     courses: &[Course],
     step: f64,
-) -> Vec<f64> {
+) -> (Vec<f64>, f64) {
     let World { bodies, motions, .. } = world;
     let mut kicked = mean.to_vec();
     let places = bodies.position.par_iter_mut().zip(&mut bodies.orientation);
     let moving = bodies.velocity.par_iter_mut().zip(&mut bodies.angular_velocity);
     let constant = bodies.inertia.par_iter().zip(&bodies.motion).zip(courses);
     let given = kicked.par_chunks_exact_mut(6).zip(before.par_chunks_exact(6));
-    places.zip(moving).zip(constant).zip(given).with_min_len(TASK).for_each(
+    let lost = places.zip(moving).zip(constant).zip(given).with_min_len(TASK).map(
         |((((position, orientation), (linear, angular)), ((&inertia, &motion), &course)), (v, before))| {
             let of = |v: &[f64]| [0, 3].map(|part| Vec3::from_slice(&v[part..part + 3]));
             let ([u0, w0], [u, w]) = (of(before), of(v));
@@ -234,9 +234,11 @@ pub(crate) fn advance(
             };
             v[3..].copy_from_slice(&turn.kicked.to_array());
             (*orientation, *angular) = (turn.orientation, turn.spin);
+            turn.lost
         },
     );
-    kicked
+    let lost = lost.reduce(|| 0.0, f64::max);
+    (kicked, lost)
 }
 
 /// Moves all bodies by a displacement (translation and turn, six numbers per body) that leaves no velocity.

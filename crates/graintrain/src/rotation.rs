@@ -53,6 +53,13 @@ pub(crate) struct Coasting {
     pub mean: Vec3,
 }
 
+impl Coasting {
+    /// The turn that it is, from this angular velocity on.
+    fn from(&self, kicked: Vec3) -> Turn {
+        Turn { kicked, orientation: self.orientation, spin: self.spin, lost: 0.0 }
+    }
+}
+
 /// The turn of a step, in world axes.
 pub(crate) struct Turn {
     /// Angular velocity at the start once the torques have acted.
@@ -61,6 +68,9 @@ pub(crate) struct Turn {
     pub orientation: Quat,
     /// Angular velocity at its end.
     pub spin: Vec3,
+    /// Change of the angular momentum that no torque made, over the angular momentum: of a body beyond
+    /// [`FAST`] on which contacts or joints act.
+    pub lost: f64,
 }
 
 impl Rotor {
@@ -145,11 +155,10 @@ impl Rotor {
         let coasting = self.coast(before, step);
         let change = mean - coasting.mean;
         if change.length() <= ROUNDING * mean.length() {
-            return Turn { kicked: before, orientation: coasting.orientation, spin: coasting.spin };
+            return coasting.from(before);
         }
         let kicked = before + change;
-        let Coasting { orientation, spin, .. } = self.coast(kicked, step);
-        Turn { kicked, orientation, spin }
+        self.coast(kicked, step).from(kicked)
     }
 
     /// [`Self::turn`] where it is known how the body coasts without torques.
@@ -160,31 +169,46 @@ impl Rotor {
         step: f64,
         gives_back: bool,
     ) -> Turn {
-        let about = |w: Vec3| Turn { kicked: w, orientation: turned(self.orientation, step * w), spin: w };
+        let about = |w: Vec3| Turn {
+            kicked: w,
+            orientation: turned(self.orientation, step * w),
+            spin: w,
+            lost: 0.0,
+        };
         if self.is_steady {
             return about(mean);
         }
         let change = mean - coasting.mean;
         if change.length() <= ROUNDING * mean.length() {
-            return Turn { kicked: before, orientation: coasting.orientation, spin: coasting.spin };
+            return coasting.from(before);
         }
-        match self.axis {
+        let fast = match self.axis {
             Some(axis) if is_fast(before, step) || is_fast(mean, step) => {
-                return self.tilted(axis, mean, step);
+                Some(self.tilted(axis, mean, step))
             }
-            None if is_fast(before, step) => return about(mean),
-            _ => {}
+            None if is_fast(before, step) => Some(about(mean)),
+            _ => None,
+        };
+        if let Some(turn) = fast {
+            let asked = self.momentum(before) + self.momentum(change);
+            let made = Self { orientation: turn.orientation, ..*self }.momentum(turn.spin);
+            let largest = self.momentum(before).length().max(made.length());
+            return Turn { lost: (made - asked).length() / largest, ..turn };
         }
         let mut kicked = before + change;
         if gives_back {
-            let inertia = self.orientation * (self.inertia * (self.orientation.conjugate() * change));
+            let inertia = self.momentum(change);
             let [begin, square, taken] = [before, change, mean].map(|w| inertia.dot(w));
             if begin + 0.5 * square > taken {
                 kicked = before + least_change([begin, square, taken]) * change;
             }
         }
-        let Coasting { orientation, spin, .. } = self.coast(kicked, step);
-        Turn { kicked, orientation, spin }
+        self.coast(kicked, step).from(kicked)
+    }
+
+    /// Angular momentum with this angular velocity, world axes.
+    fn momentum(&self, w: Vec3) -> Vec3 {
+        self.orientation * (self.inertia * (self.orientation.conjugate() * w))
     }
 
     /// The turn with a constant spin about the axis, which the rest of w tilts: so far that contacts know,
@@ -193,7 +217,8 @@ impl Rotor {
         let own = w.project_onto(axis);
         let across = w - own;
         let orientation = turned(turned(self.orientation, step * own), step * across);
-        Turn { kicked: w, orientation, spin: across + rotation_exponential(step * across) * own }
+        let spin = across + rotation_exponential(step * across) * own;
+        Turn { kicked: w, orientation, spin, lost: 0.0 }
     }
 
     /// Derivative by w of what `of` says of a turn that starts with w, by differences of fourth order.

@@ -115,6 +115,9 @@ pub struct PhysicalErrors {
     /// How far the joint that is open most is so at the end of the step, m
     /// ([`crate::joint::JointState::opening`]).
     pub joint_opening_max: f64,
+    /// Largest change of the angular momentum of a body that no torque made, over that momentum: of bodies
+    /// that turn beyond 1 rad in the step, on which contacts or joints act.
+    pub momentum_lost_max: f64,
 }
 
 impl PhysicalErrors {
@@ -185,6 +188,7 @@ impl PhysicalErrors {
             cone_excess_max: self.cone_excess_max.max(other.cone_excess_max),
             slip_angle_max: self.slip_angle_max.max(other.slip_angle_max),
             joint_opening_max: self.joint_opening_max.max(other.joint_opening_max),
+            momentum_lost_max: self.momentum_lost_max.max(other.momentum_lost_max),
         }
     }
 }

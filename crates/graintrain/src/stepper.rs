@@ -48,6 +48,8 @@ struct Made {
     attempt: Attempt,
     /// Velocities at the start once all impulses of the step have acted, six numbers per body.
     kicked: Vec<f64>,
+    /// The largest share of its angular momentum that a body lost, turning too far.
+    lost: f64,
     /// The smaller body's size for each contact of the step, m.
     size: Vec<f64>,
     /// The displacements that removed overlap and closed joints.
@@ -255,7 +257,7 @@ impl Stepper {
         let mut correction = self.correct(world, contacts, &attempt, &size);
         let courses = courses(world, contacts, &attempt);
         let velocities = [&attempt.impacts.velocity, attempt.velocity.as_slice()];
-        let kicked = advance(world, velocities, &courses, step);
+        let (kicked, lost) = advance(world, velocities, &courses, step);
         if let Some(displacement) = &correction.displacement {
             displace(world, displacement);
         }
@@ -267,7 +269,7 @@ impl Stepper {
         let begin = Clock::now();
         let ahead = self.collider.contacts(world, self.settings.envelope, step);
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
-        Made { attempt, kicked, size, correction, ahead }
+        Made { attempt, kicked, lost, size, correction, ahead }
     }
 
     /// # Errors

@@ -112,6 +112,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
             cone_excess_max: 4e-3,
             slip_angle_max: 5e-2,
             joint_opening_max: 8e-9,
+            momentum_lost_max: 2e-3,
         },
         impacts: 3,
         impact_residual: Default::default(),

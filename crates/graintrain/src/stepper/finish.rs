@@ -183,7 +183,7 @@ impl Stepper {
         made: Made,
     ) -> StepReport {
         let begin = Clock::now();
-        let Made { mut attempt, kicked, size, correction, ahead } = made;
+        let Made { mut attempt, kicked, lost, size, correction, ahead } = made;
         let Rounds { contacts, added, undetected, iterations, mut laps, .. } = rounds;
         let step = self.settings.step;
         let apart = self.apart(world, start, &contacts, &attempt, &ahead);
@@ -223,7 +223,7 @@ impl Stepper {
             penetration_max_over_size,
             kinetic_energy,
             ledger,
-            errors: PhysicalErrors { joint_opening_max, ..errors },
+            errors: PhysicalErrors { joint_opening_max, momentum_lost_max: lost, ..errors },
             impacts: impacts.count,
             impact_residual: impacts.residual,
             restitution_lowered: impacts.lowered,

@@ -199,20 +199,40 @@ fn gyroscope_by_runge_kutta(inertia: Vec3, arm: f64, mass: f64, spin: f64, end: 
     q * Vec3::Z
 }
 
+/// A wheel on an axle along x that a ball joint at the origin holds.
+fn gyroscope(arm: f64, spin: f64) -> (World, BodyId) {
+    let mut world = world(0.3, 0.0);
+    let form = world.add_geometry(Geometry::cylinder(0.01, 0.1).unwrap());
+    let wheel = Body {
+        orientation: Quat::from_rotation_y(0.5 * PI),
+        angular_velocity: spin * Vec3::X,
+        ..Body::new(form, MaterialId::default(), arm * Vec3::X)
+    };
+    let wheel = world.add_body(wheel).unwrap();
+    world.add_joint(Joint::spherical(None, wheel, Vec3::ZERO)).unwrap();
+    (world, wheel)
+}
+
+/// Beyond 1 rad per step steps tell that the momentum of weight leads the axle nowhere near where it should.
+#[test]
+fn a_gyroscope_that_turns_too_far_in_a_step_is_reported() {
+    for (spin, is_resolved) in [(100.0, true), (300.0, false)] {
+        let (mut world, _) = gyroscope(0.2, spin);
+        let mut stepper = stepper(4e-3, 1e-3, 1e-6, Relaxed);
+        let mut lost = 0.0;
+        for _ in 0..250 {
+            lost += solved_step(&mut stepper, &mut world).errors.momentum_lost_max;
+        }
+        assert!(if is_resolved { lost == 0.0 } else { (0.1..2.0).contains(&lost) }, "{spin} {lost}");
+    }
+}
+
 /// A gyroscope on a ball joint goes its way nearly to second order in the step, and does not sink.
 #[test]
 fn a_gyroscope_on_a_joint_goes_its_way() {
     let (arm, spin, end) = (0.2, 100.0, 3.0);
     let axle = |step: f64| {
-        let mut world = world(0.3, 0.0);
-        let form = world.add_geometry(Geometry::cylinder(0.01, 0.1).unwrap());
-        let wheel = Body {
-            orientation: Quat::from_rotation_y(0.5 * PI),
-            angular_velocity: spin * Vec3::X,
-            ..Body::new(form, MaterialId::default(), arm * Vec3::X)
-        };
-        let wheel = world.add_body(wheel).unwrap();
-        world.add_joint(Joint::spherical(None, wheel, Vec3::ZERO)).unwrap();
+        let (mut world, wheel) = gyroscope(arm, spin);
         let mut stepper = stepper(step, 1e-3, 1e-6, Relaxed);
         for _ in 0..(end / step).round() as usize {
             solved_step(&mut stepper, &mut world);
