@@ -169,12 +169,8 @@ impl Rotor {
         step: f64,
         gives_back: bool,
     ) -> Turn {
-        let about = |w: Vec3| Turn {
-            kicked: w,
-            orientation: turned(self.orientation, step * w),
-            spin: w,
-            lost: 0.0,
-        };
+        let about =
+            |w: Vec3| Turn { kicked: w, orientation: turned(self.orientation, step * w), spin: w, lost: 0.0 };
         if self.is_steady {
             return about(mean);
         }
@@ -183,9 +179,7 @@ impl Rotor {
             return coasting.from(before);
         }
         let fast = match self.axis {
-            Some(axis) if is_fast(before, step) || is_fast(mean, step) => {
-                Some(self.tilted(axis, mean, step))
-            }
+            Some(axis) if is_fast(before, step) || is_fast(mean, step) => Some(self.tilted(axis, mean, step)),
             None if is_fast(before, step) => Some(about(mean)),
             _ => None,
         };

@@ -6,8 +6,8 @@
 //! for all of its points. Where A stays above that plane, as its contact with B sees to, A does not meet C:
 //! the contact with C is left out. A ball stays above a plane that holds it in one point, a capsule or
 //! cylinder that lies on it above one that holds it on both sides of where it might meet C, a box, hull or
-//! cone above one that holds it in points between which it might meet C, or there. Bodies of several parts,
-//! boxes, hulls and cones on free ones, and images in a periodic cell are not looked at; of what lies askew
+//! cone above one that holds it in points between which it might meet C, or there; each part of A by itself.
+//! Boxes, hulls and cones on free ones, and images in a periodic cell are not looked at; of what lies askew
 //! to an edge some contacts stay. A body C that begins to rise in the step is met one step
 //! late, or as soon as it overlaps.
 
@@ -38,6 +38,9 @@ const LYING: f64 = 0.1;
 struct Side {
     contact: usize,
     own: usize,
+    /// Which of its parts, and what that is.
+    part: usize,
+    kind: Kind,
     /// The other body.
     other: usize,
     /// From the other body to its own one.
@@ -78,37 +81,67 @@ struct Cover<'a> {
 impl Cover<'_> {
     /// The contacts that others cover, ascending.
     fn covered(&self) -> Vec<usize> {
-        let (world, contacts) = (self.world, self.contacts);
-        let kinds: Vec<Kind> =
-            (0..world.bodies.len()).into_par_iter().map(|body| Kind::of(world, body)).collect();
+        let contacts = self.contacts;
         let side = |index: usize| {
             let contact = &contacts[index];
-            let [a, b] = [contact.body_a, contact.body_b].map(|body| kinds[body as usize]);
-            if a == b || contact.image != [0; 3] {
+            let lead =
+                if contact.lead == Vec3::ZERO { 0.5 * contact.gap * contact.normal } else { contact.lead };
+            let ends = [(contact.body_a as usize, 1.0), (contact.body_b as usize, -1.0)];
+            let [a, b] = ends.map(|(body, sign)| {
+                let point = contact.point + sign * lead;
+                let (part, kind) = self.part_at(body, point);
+                (body, part, kind, point, sign)
+            });
+            if a.2 == b.2 || contact.image != [0; 3] {
                 return None;
             }
-            let (own, other, sign) = if a < b {
-                (contact.body_a, contact.body_b, 1.0)
-            } else {
-                (contact.body_b, contact.body_a, -1.0)
-            };
-            let normal = sign * contact.normal;
-            let to_surface =
-                if contact.lead == Vec3::ZERO { 0.5 * contact.gap * normal } else { sign * contact.lead };
-            let [point, own_point] = [-1.0, 1.0].map(|side| contact.point + side * to_surface);
-            let (own, other) = (own as usize, other as usize);
-            Some(Side { contact: index, own, other, normal, point, own_point })
+            let ((own, part, kind, own_point, sign), (other, .., point, _)) =
+                if a.2 < b.2 { (a, b) } else { (b, a) };
+            Some(Side {
+                contact: index,
+                own,
+                part,
+                kind,
+                other,
+                normal: sign * contact.normal,
+                point,
+                own_point,
+            })
         };
         let mut sides: Vec<Side> = (0..contacts.len()).into_par_iter().filter_map(side).collect();
-        sides.sort_by_key(|side| (side.own, side.contact));
-        let groups: Vec<&[Side]> = sides.chunk_by(|a, b| a.own == b.own).collect();
-        let mut covered: Vec<usize> = groups.par_iter().flat_map_iter(|sides| self.of_body(sides)).collect();
+        sides.sort_by_key(|side| (side.own, side.part, side.contact));
+        let groups: Vec<&[Side]> = sides.chunk_by(|a, b| (a.own, a.part) == (b.own, b.part)).collect();
+        let mut covered: Vec<usize> = groups.par_iter().flat_map_iter(|sides| self.of_part(sides)).collect();
         covered.sort_unstable();
         covered
     }
 
-    /// Those of the contacts of a body that others cover, none of which is covered itself.
-    fn of_body(&self, sides: &[Side]) -> Vec<usize> {
+    /// The part of a body that has this point of its surface, and what it is.
+    fn part_at(&self, body: usize, point: Vec3) -> (usize, Kind) {
+        let World { bodies, geometries, .. } = self.world;
+        let parts = &geometries[bodies.geometry[body].index()].parts;
+        if self.world.is_prescribed(body) {
+            return (0, Kind::Support);
+        }
+        let own = bodies.orientation[body].conjugate() * (point - bodies.position[body]);
+        let beside = |part: &Part| match part.shape {
+            Shape::Mesh(_) | Shape::Plane(_) => f64::INFINITY,
+            _ => {
+                let at = part.orientation.conjugate() * (own - part.position);
+                part.shape.form().signed_distance(at).value.abs()
+            }
+        };
+        let nearest = match parts.len() {
+            1 => 0,
+            _ => {
+                (0..parts.len()).min_by(|&a, &b| beside(&parts[a]).total_cmp(&beside(&parts[b]))).unwrap_or(0)
+            }
+        };
+        (nearest, Kind::of(&parts[nearest]))
+    }
+
+    /// Those of the contacts of a part that others cover, none of which is covered itself.
+    fn of_part(&self, sides: &[Side]) -> Vec<usize> {
         let (world, contacts) = (self.world, self.contacts);
         let is_rigid = |side: &Side| {
             let [a, b] = world.materials_of(&contacts[side.contact]);
@@ -142,7 +175,7 @@ impl Cover<'_> {
         // what lies on it along a line.
         let is_alike = side.normal.cross(plane.normal).length() <= PARALLEL
             && self.contacts[side.contact].gap <= self.contacts[plane.contact].gap + tolerance;
-        let is_one = side.other == plane.other && Kind::of(self.world, side.own) == Kind::Convex;
+        let is_one = side.other == plane.other && side.kind == Kind::Convex;
         if is_alike || is_one {
             return false;
         }
@@ -164,7 +197,7 @@ impl Cover<'_> {
     /// Whether these planes, of which some are the same, hold a body where it might meet the other one.
     fn is_held(&self, side: &Side, planes: &[&Side]) -> bool {
         let world = self.world;
-        let part = &world.geometries[world.bodies.geometry[side.own].index()].parts[0];
+        let part = &world.geometries[world.bodies.geometry[side.own].index()].parts[side.part];
         let form = part.shape.form();
         let half_length = form.half_axis();
         if half_length == Some(0.0) {
@@ -199,26 +232,24 @@ impl Cover<'_> {
     }
 }
 
-/// What a body may be held off: bodies of a later kind.
+/// What a part may be held off: parts of a later kind.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
 enum Kind {
-    /// One ball, capsule or cylinder.
+    /// A ball, capsule or cylinder.
     Round,
-    /// One convex part.
+    /// Convex.
     Convex,
-    /// What is driven, and all others.
+    /// A mesh or plane, and what is driven.
     Support,
 }
 
 impl Kind {
-    fn of(world: &World, body: usize) -> Self {
-        let parts = &world.geometries[world.bodies.geometry[body].index()].parts;
-        match parts.as_slice() {
-            _ if world.is_prescribed(body) => Self::Support,
-            [part] if part.shape.form().half_axis().is_some() => Self::Round,
-            [Part { shape: Shape::Mesh(_) | Shape::Plane(_), .. }] => Self::Support,
-            [_] => Self::Convex,
-            _ => Self::Support,
+    /// Of a part of a body that is not driven.
+    fn of(part: &Part) -> Self {
+        match &part.shape {
+            shape if shape.form().half_axis().is_some() => Self::Round,
+            Shape::Mesh(_) | Shape::Plane(_) => Self::Support,
+            _ => Self::Convex,
         }
     }
 }
