@@ -88,8 +88,8 @@ pub enum Motor {
 }
 
 /// A linear spring with a damper: force -k (s - rest) - c ds/dt on B along the coordinate. Stable for any
-/// step: the spring takes the mean (s- + 2 s + s+) / 4 over three steps, which keeps its energy; the damper
-/// the rate at the end of the step.
+/// step: the spring takes the mean (s- + 2 s + s+) / 4 over three steps, which keeps its energy, unless it
+/// vibrates faster than 1 rad per step: then it is damped; the damper the rate at the end of the step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spring {
     /// k, N/m or N m/rad, not negative.
