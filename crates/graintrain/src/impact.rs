@@ -76,7 +76,8 @@ impl Default for Parameters {
 /// Contacts whose touches are nearer in time than this fraction of a step touch together.
 const SAME_TIME: f64 = 1e-6;
 
-/// Bodies that come to overlap by no more than this fraction of the smaller one's size touch, and do not meet.
+/// Bodies that come to overlap by no more than this fraction of the smaller one's size touch, and do not
+/// meet.
 const TOUCHING: f64 = 1e-5;
 
 /// What the impacts of a step did.

@@ -42,6 +42,9 @@ const SAME_POINT: f64 = 1e-3;
 /// By this fraction of the smaller size rounding may make a point too high.
 const ROUNDING: f64 = 1e-9;
 
+/// How often the point of a mantle that looks at the other solid most is looked for, from the axis on.
+const LOOKS: usize = 4;
+
 /// First feature of B's points; A's begin at 1. Corners, edges and their crossings of the largest hulls fit
 /// between.
 const OF_B: u64 = 1 << 28;
@@ -76,7 +79,10 @@ impl Front {
 
 /// One of both solids with its corners, and the other in front of which they are.
 struct Side<'a> {
+    own: Solid<'a>,
     corners: Cow<'a, [Vec3]>,
+    /// Of what is round, the corners between which the line of the mantle lies that looks at the other one.
+    mantle: Option<[usize; 2]>,
     /// The corners that are not high in front of the other: all others touch nothing.
     is_near: Vec<bool>,
     /// Edges with an end that is near, and their numbers.
@@ -91,19 +97,22 @@ struct Side<'a> {
     first: u64,
 }
 
-/// Adds the points that are missing in `touches`, which hold what was found for this pair. `unit` is the size
-/// of the smaller solid; normals point from B to A. `polyhedra` are those of the solids that are such.
+/// Adds the points that are missing in `touches`, which hold what was found for this pair; `known_normal` is
+/// the one from A to B, where it is known without them. `unit` is the size of the smaller solid; normals
+/// point from B to A. `polyhedra` are those of the solids that are such.
 pub(crate) fn add_corners(
     [a, b]: [Solid<'_>; 2],
+    known_normal: Option<Vec3>,
     polyhedra: [Option<&Polyhedron<'_>>; 2],
     (unit, envelope): (f64, f64),
     touches: &mut Vec<Touch>,
 ) {
-    if envelope <= CLEAR * unit {
+    let is_open = touches.is_empty() && known_normal.is_some();
+    if envelope <= CLEAR * unit && !is_open {
         return;
     }
     let found = touches.iter().min_by(|x, y| x.gap.total_cmp(&y.gap)).copied();
-    let toward = found.map_or(b.centre() - a.centre(), |touch| -touch.normal);
+    let toward = found.map(|touch| -touch.normal).or(known_normal).unwrap_or(b.centre() - a.centre());
     let highest = envelope + ROUNDING * unit;
     let [of_a, of_b] = polyhedra;
     let sides = [
@@ -125,12 +134,14 @@ pub(crate) fn add_corners(
     for candidate in &candidates {
         let Distance { value, normal: own } = candidate.distance;
         let alike = own.dot(normal);
-        let taken = value > CLEAR * unit
-            && (first == Some(candidate.feature)
-                || (alike >= SAME_PATCH && candidate.inside >= 0.0)
-                || (alike >= SAME_PATCH && value >= MARGIN * unit)
-                || alike >= 1.0 - 1e-6
-                || (candidate.is_corner && candidate.inside >= MARGIN * unit));
+        let is_first = first == Some(candidate.feature);
+        let taken = is_first && is_open
+            || value > CLEAR * unit
+                && (is_first
+                    || (alike >= SAME_PATCH && candidate.inside >= 0.0)
+                    || (alike >= SAME_PATCH && value >= MARGIN * unit)
+                    || alike >= 1.0 - 1e-6
+                    || (candidate.is_corner && candidate.inside >= MARGIN * unit));
         let touch = Touch { point: candidate.point, normal: own, gap: value, feature: candidate.feature };
         if taken && !is_among(&touches[..known], &touch, unit) {
             touches.push(touch);
@@ -203,11 +214,35 @@ impl<'a> Side<'a> {
         let round = if polyhedron.is_none() { own.corners(toward) } else { Corners::default() };
         let corners = polyhedron.map_or(Cow::Owned(round.points), |own| Cow::Borrowed(own.corners()));
         let is_near: Vec<bool> = corners.iter().map(|&p| front.height(p) <= highest).collect();
+        let mantle = round.edges.first().copied();
         let straight = polyhedron.filter(|own| !own.is_flat()).map_or(&[][..], |own| own.edges());
         let edges = straight.iter().map(|edge| edge.corners.map(|end| end as usize)).chain(round.edges);
         let ends_near = |(_, edge): &(u64, [usize; 2])| edge.iter().any(|&end| is_near[end]);
         let near_edges = (0..).zip(edges).filter(ends_near).collect();
-        Self { corners, is_near, near_edges, other, front, outward: -toward, sign, first }
+        Self { own, corners, mantle, is_near, near_edges, other, front, outward: -toward, sign, first }
+    }
+
+    /// For a point of the line of a mantle that looks at the other solid: the point at the same height of the
+    /// mantle that looks at it most, so that the normal there leads through the axis. Anywhere else a contact
+    /// without friction would spin the mantle.
+    fn foremost(&self, p: Vec3) -> Vec3 {
+        let (
+            Solid::Placed { shape, position, orientation },
+            Solid::Placed { shape: other, position: centre, orientation: turn },
+        ) = (self.own, self.other)
+        else {
+            return p;
+        };
+        let inverse = orientation.conjugate();
+        let height = inverse * (p - position) * Vec3::Z;
+        let mut own = height;
+        for _ in 0..LOOKS {
+            let at = turn.conjugate() * (position + orientation * own - centre);
+            let normal = inverse * (turn * other.form().signed_distance(at).normal);
+            let Some(found) = shape.form().foremost_around(height, normal) else { return p };
+            own = found;
+        }
+        position + orientation * own
     }
 
     /// A point of this solid, or none where it is not as near as the envelope to the other.
@@ -234,6 +269,7 @@ impl<'a> Side<'a> {
 fn of_corners(side: &Side<'_>, envelope: f64, candidates: &mut Vec<Candidate>) {
     for (number, &p) in side.corners.iter().enumerate() {
         if side.is_near[number] {
+            let p = if side.mantle.is_some_and(|ends| ends.contains(&number)) { side.foremost(p) } else { p };
             candidates.extend(side.candidate(p, true, side.first + number as u64, envelope));
         }
     }
@@ -279,6 +315,7 @@ fn of_edges(side: &Side<'_>, envelope: f64, candidates: &mut Vec<Candidate>) {
         for (t, feature) in std::iter::once(nearest).chain(crossings).zip(feature..) {
             if t.abs() < 1.0 {
                 let p = position + orientation * (centre + t * half);
+                let p = if side.mantle == Some(edge) { side.foremost(p) } else { p };
                 candidates.extend(side.candidate(p, false, feature, envelope));
             }
         }

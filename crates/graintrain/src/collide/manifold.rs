@@ -61,19 +61,25 @@ pub(crate) fn manifold_contacts(
     let solids = [a, b].map(|solid| solid.seen_from(origin));
     let polyhedra = solids.map(Polyhedron::new);
     let mut found = Vec::new();
+    let mut toward = None;
     if let [Some(one), Some(other)] = &polyhedra {
         if !polyhedron_contacts(one, other, unit, envelope, &mut found) {
             return;
         }
     } else {
-        library_contacts(solids, unit, envelope, &mut found);
+        toward = library_contacts(solids, unit, envelope, &mut found);
     }
-    add_corners(solids, polyhedra.each_ref().map(Option::as_ref), (unit, envelope), &mut found);
+    add_corners(solids, toward, polyhedra.each_ref().map(Option::as_ref), (unit, envelope), &mut found);
     touches.extend(found.into_iter().map(|touch| Touch { point: origin + touch.point, ..touch }));
 }
 
-/// Contacts that the library finds of two solids near the origin.
-fn library_contacts([a, b]: [Solid<'_>; 2], unit: f64, envelope: f64, touches: &mut Vec<Touch>) {
+/// Contacts that the library finds of two solids near the origin; the normal from A to B, where it finds one.
+fn library_contacts(
+    [a, b]: [Solid<'_>; 2],
+    unit: f64,
+    envelope: f64,
+    touches: &mut Vec<Touch>,
+) -> Option<Vec3> {
     let ((shape_a, pose_a), (shape_b, pose_b)) = (a.scaled(unit), b.scaled(unit));
     let mut pose = pose_a.inv_mul(&pose_b);
     let prediction = envelope / unit;
@@ -91,17 +97,28 @@ fn library_contacts([a, b]: [Solid<'_>; 2], unit: f64, envelope: f64, touches: &
         manifold.points.iter_mut().for_each(|point| point.dist -= along);
     }
     // The library's normal points from A to B.
-    let normal = -(pose_a.rotation * manifold.local_n1);
+    let toward = pose_a.rotation * manifold.local_n1;
+    if !toward.is_finite() || toward == Vec3::ZERO {
+        return None;
+    }
+    // Edges of triangles are told by these points alone.
+    let is_flat = [&shape_a, &shape_b].iter().any(|shape| matches!(shape, Convex::Triangle(_)));
     for point in &manifold.points {
         let gap = unit * point.dist;
-        if !(gap <= envelope && normal.is_finite()) {
+        let middle = 0.5 * (pose_a * point.local_p1 + pose_b * point.local_p2);
+        let lever = || shape_a.lever(&pose_a, middle, toward).max(shape_b.lever(&pose_b, middle, toward));
+        if gap > envelope || gap.is_nan() || !is_flat && lever() > BESIDE {
             continue;
         }
-        let middle = 0.5 * (pose_a * point.local_p1 + pose_b * point.local_p2);
         let feature = u64::from(point.fid1.0) << 32 | u64::from(point.fid2.0);
-        touches.push(Touch { point: unit * middle, normal, gap, feature });
+        touches.push(Touch { point: unit * middle, normal: -toward, gap, feature });
     }
+    Some(toward)
 }
+
+/// Points are left out at which a force along the normal would turn a mantle about its axis with a larger arm
+/// than this, over its radius: lines that cross are no faces that look at each other.
+const BESIDE: f64 = 2e-3;
 
 /// By how much faces that cover each other exactly are moved aside, in sizes of the smaller solid.
 const ASIDE: f64 = 1e-9;

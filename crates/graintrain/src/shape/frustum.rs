@@ -10,7 +10,7 @@ use parry3d_f64::shape::{PackedFeatureId, PolygonalFeature, PolygonalFeatureMap,
 const MANTLE: f64 = 0.866_025_403_784_438_6;
 
 /// Cosine of an angle to the axis, 6 degrees, up to which a normal may be that of an end.
-const UPRIGHT: f64 = 0.995;
+pub(super) const UPRIGHT: f64 = 0.995;
 
 /// Sine of the taper up to which a frustum has the borders of a cylinder: those of cones are lost in
 /// rounding.
@@ -57,6 +57,10 @@ impl Frustum {
 
     fn radius_at(&self, z: f64) -> f64 {
         self.r[0] - self.up / self.out * (z - self.z[0])
+    }
+
+    pub(super) fn largest_radius(&self) -> f64 {
+        self.r[0].max(self.r[1])
     }
 
     /// The mantle's outward normal: its components away from the axis and along it.

@@ -1,8 +1,8 @@
 //! Solids in the form of the collision library.
 
-use super::frustum::Frustum;
+use super::frustum::{Frustum, UPRIGHT};
 use crate::hull::Hull;
-use crate::math::Vec3;
+use crate::math::{Pose, Vec3};
 use parry3d_f64::shape::{
     Cuboid, PackedFeatureId, PolygonalFeature, PolygonalFeatureMap, SupportMap, Triangle,
 };
@@ -32,6 +32,18 @@ impl Convex<'_> {
             Self::Round(frustum) => frustum,
             Self::Triangle(triangle) => triangle,
             Self::Hull(hull) => hull,
+        }
+    }
+
+    /// The arm, over its radius, with which a force along a normal at a point turns what is round about its
+    /// axis; zero where it presses on an end, and for all else.
+    pub(crate) fn lever(&self, pose: &Pose, point: Vec3, normal: Vec3) -> f64 {
+        let (own, along) = (pose.inverse_transform_point(point), pose.rotation.inverse() * normal);
+        match self {
+            Self::Round(frustum) if along.z.abs() < UPRIGHT => {
+                own.cross(along).z.abs() / frustum.largest_radius()
+            }
+            _ => 0.0,
         }
     }
 }

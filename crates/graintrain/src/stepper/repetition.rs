@@ -499,10 +499,11 @@ impl Stepper {
     ///
     /// They are found by taking the impulses of a pair away: where Phi + dt u_n says that the bodies would
     /// then be inside each other by more than 5e-4 of the smaller one's size, and on the way they nowhere are
-    /// by a fifth of that, or more than before, there is nothing to hold apart. What a body falls in the step is allowed for: the
-    /// contact may have carried its weight in another one's place. Where they fall too far for that, what
-    /// they do that go on as the step found them, and no higher, tells instead. Those that were added stay,
-    /// and those of two balls: they have no seams, and grains that fly past each other are many.
+    /// by a fifth of that, or more than before, there is nothing to hold apart. What a body falls in the step
+    /// is allowed for: the contact may have carried its weight in another one's place. Where they fall too
+    /// far for that, what they do that go on as the step found them, and no higher, tells instead. Those that
+    /// were added stay, and those of two balls: they have no seams, and grains that fly past each other are
+    /// many.
     fn spurious(&self, world: &World, rounds: &Rounds, attempt: &Attempt) -> Vec<usize> {
         let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Vec::new() };
         let (step, collider) = (self.settings.step, &self.collider);
