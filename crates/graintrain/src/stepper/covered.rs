@@ -7,6 +7,7 @@
 //! the contact with C is left out. A ball stays above a plane that holds it in one point, a capsule or
 //! cylinder that lies on it above one that holds it on both sides of where it might meet C, a box, hull or
 //! cone above one that holds it in points between which it might meet C, or there; each part of A by itself.
+//! Nor does A meet C with a point that stands over B: below it there is B, and C's edge or side is hidden.
 //! Boxes, hulls and cones on free ones, and images in a periodic cell are not looked at; of what lies askew
 //! to an edge some contacts stay. A body C that begins to rise in the step is met one step
 //! late, or as soon as it overlaps.
@@ -23,6 +24,12 @@ const LEVEL: f64 = 1e-6;
 
 /// Sine of an angle between normals that are the same.
 const PARALLEL: f64 = 1e-6;
+
+/// Points stand over a body up to this height, over the smaller one's size.
+const NEAR: f64 = 0.1;
+
+/// Points are inside a body up to this fraction of the smaller one's size beside it.
+const ROUNDING: f64 = 1e-9;
 
 /// A plane that holds a body this near to a place, over half a capsule's or cylinder's length or the smaller
 /// one's size, holds it there.
@@ -116,20 +123,20 @@ impl Cover<'_> {
         covered
     }
 
+    fn parts(&self, body: usize) -> &[Part] {
+        &self.world.geometries[self.world.bodies.geometry[body].index()].parts
+    }
+
     /// The part of a body that has this point of its surface, and what it is.
     fn part_at(&self, body: usize, point: Vec3) -> (usize, Kind) {
-        let World { bodies, geometries, .. } = self.world;
-        let parts = &geometries[bodies.geometry[body].index()].parts;
+        let (bodies, parts) = (&self.world.bodies, self.parts(body));
         if self.world.is_prescribed(body) {
             return (0, Kind::Support);
         }
         let own = bodies.orientation[body].conjugate() * (point - bodies.position[body]);
-        let beside = |part: &Part| match part.shape {
-            Shape::Mesh(_) | Shape::Plane(_) => f64::INFINITY,
-            _ => {
-                let at = part.orientation.conjugate() * (own - part.position);
-                part.shape.form().signed_distance(at).value.abs()
-            }
+        let beside = |part: &Part| {
+            let at = part.orientation.conjugate() * (own - part.position);
+            if is_mesh(part) { f64::INFINITY } else { part.shape.form().signed_distance(at).value.abs() }
         };
         let nearest = match parts.len() {
             1 => 0,
@@ -155,15 +162,19 @@ impl Cover<'_> {
             .iter()
             .map(|side| (0..sides.len()).filter(|&k| lies_below(side, &sides[k])).collect())
             .collect();
-        let is_held = |k: usize, covered: &[bool]| {
-            let kept = planes[k].iter().filter(|&&k| !covered[k]).map(|&k| &sides[k]);
-            self.is_held(&sides[k], &kept.collect::<Vec<_>>())
+        let is_covered = |k: usize, covered: &[bool]| {
+            let side = &sides[k];
+            let kept: Vec<&Side> = planes[k].iter().filter(|&&k| !covered[k]).map(|&k| &sides[k]).collect();
+            // Of one body only what lies on it along a line is held off it so.
+            let others = kept.iter().filter(|plane| plane.other != side.other || side.kind != Kind::Convex);
+            self.is_held(side, &others.copied().collect::<Vec<_>>())
+                || kept.iter().any(|plane| self.is_over(side, plane))
         };
         let none = vec![false; sides.len()];
-        let mut covered: Vec<bool> = (0..sides.len()).map(|k| is_held(k, &none)).collect();
+        let mut covered: Vec<bool> = (0..sides.len()).map(|k| is_covered(k, &none)).collect();
         // What is not covered after all holds more, so that one pass does.
         for k in 0..sides.len() {
-            covered[k] = covered[k] && is_held(k, &covered);
+            covered[k] = covered[k] && is_covered(k, &covered);
         }
         sides.iter().zip(&covered).filter(|(_, covered)| **covered).map(|(side, _)| side.contact).collect()
     }
@@ -171,12 +182,11 @@ impl Cover<'_> {
     /// Whether the other body of a contact lies below the plane of another one, all through the step.
     fn lies_below(&self, side: &Side, plane: &Side, tolerance: f64) -> bool {
         let bodies = &self.world.bodies;
-        // Of several that carry the body alike none covers another one; nor do those with one body, but for
-        // what lies on it along a line.
+        // Of several that carry the body alike none covers another one; meshes know their own edges.
         let is_alike = side.normal.cross(plane.normal).length() <= PARALLEL
             && self.contacts[side.contact].gap <= self.contacts[plane.contact].gap + tolerance;
         let is_one = side.other == plane.other && side.kind == Kind::Convex;
-        if is_alike || is_one {
+        if is_alike || is_one && self.parts(plane.other).iter().any(is_mesh) {
             return false;
         }
         let sunk = END / LEVEL * tolerance;
@@ -194,10 +204,33 @@ impl Cover<'_> {
         plane.height(centre) + reach + self.step * rises.max(0.0) <= tolerance
     }
 
+    /// Whether the own point of a contact stands over the body of a plane, near it: what it would meet below
+    /// is that one, right under the plane, and no edge or side of another part that lies there.
+    fn is_over(&self, side: &Side, plane: &Side) -> bool {
+        let bodies = &self.world.bodies;
+        let is_parallel = side.normal.cross(plane.normal).length() <= PARALLEL;
+        let is_one = side.other == plane.other && self.parts(plane.other).len() == 1;
+        let is_ahead = [side, plane].iter().any(|side| self.contacts[side.contact].lead != Vec3::ZERO);
+        if is_parallel || is_one || is_ahead {
+            return false;
+        }
+        let size = self.collider.contact_size(self.world, &self.contacts[side.contact]);
+        if plane.height(side.own_point) > NEAR * size {
+            return false;
+        }
+        let under = side.own_point - (plane.height(side.own_point) + LEVEL * size) * plane.normal;
+        let body = plane.other;
+        let own = bodies.orientation[body].conjugate() * (under - bodies.position[body]);
+        self.parts(body).iter().any(|part| {
+            let at = part.orientation.conjugate() * (own - part.position);
+            !is_mesh(part) && part.shape.form().signed_distance(at).value <= ROUNDING * size
+        })
+    }
+
     /// Whether these planes, of which some are the same, hold a body where it might meet the other one.
     fn is_held(&self, side: &Side, planes: &[&Side]) -> bool {
         let world = self.world;
-        let part = &world.geometries[world.bodies.geometry[side.own].index()].parts[side.part];
+        let part = &self.parts(side.own)[side.part];
         let form = part.shape.form();
         let half_length = form.half_axis();
         if half_length == Some(0.0) {
@@ -252,6 +285,10 @@ impl Kind {
             _ => Self::Convex,
         }
     }
+}
+
+fn is_mesh(part: &Part) -> bool {
+    matches!(part.shape, Shape::Mesh(_))
 }
 
 /// How far a point is from the convex hull of others, all of a plane with this normal, m, and whether that is

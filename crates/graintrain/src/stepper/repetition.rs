@@ -468,7 +468,7 @@ impl Stepper {
     }
 
     /// Contacts at the start of the step of pairs that would overlap at its end (`undetected`, with `ends`
-    /// the same contacts carried back); `world` as it was before the step.
+    /// the same contacts carried back), where nothing covers them; `world` as it was before the step.
     fn new_contacts(
         &self,
         world: &World,
@@ -484,7 +484,11 @@ impl Stepper {
         for pair in pairs {
             let first = found.len();
             let of_pair = self.collider.contacts_of_pair(world, pair, velocity, self.settings.step);
-            found.extend(of_pair.into_iter().filter(|c| !known.contains(&c.identity)));
+            let new = of_pair.into_iter().filter(|c| !known.contains(&c.identity));
+            let beside = |c: &&Contact| pair.contains(&c.body_a) || pair.contains(&c.body_b);
+            let mut all: Vec<Contact> = contacts.iter().filter(beside).copied().chain(new).collect();
+            leave_covered_out(world, &self.collider, self.settings.step, &mut all);
+            found.extend(all.into_iter().filter(|c| !known.contains(&c.identity)));
             if found.len() == first {
                 // At the start these features do not look at each other.
                 found.extend(ends.iter().filter(|c| [c.body_a, c.body_b] == pair));
