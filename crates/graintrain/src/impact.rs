@@ -76,10 +76,6 @@ impl Default for Parameters {
 /// Contacts whose touches are nearer in time than this fraction of a step touch together.
 const SAME_TIME: f64 = 1e-6;
 
-/// Bodies that come to overlap by no more than this fraction of the smaller one's size touch, and do not
-/// meet.
-const TOUCHING: f64 = 1e-5;
-
 /// What the impacts of a step did.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Impacts {
@@ -205,9 +201,9 @@ impl ImpactSolver<'_> {
     }
 
     /// Those of these contacts whose bodies do not pass each other over a gap, overlapping on their way by no
-    /// more than a fifth of what Phi + dt u_n says, or than they do already: the plane of an edge bars a way
-    /// that leads past it, as that of the next tile does for a ball that rolls. As they move now, for a floor
-    /// carries what rolls; where that brings them nowhere near, as they fall.
+    /// more than a fifth of what Phi + dt u_n says: the plane of an edge bars a way that leads past it, as
+    /// that of the next tile does for a ball that rolls. As they move now, for a floor carries what rolls;
+    /// where that brings them nowhere near, as they fall.
     fn meeting(
         &self,
         world: &World,
@@ -217,29 +213,19 @@ impl ImpactSolver<'_> {
         step: f64,
     ) -> Vec<u32> {
         let Repetition { spurious, undetected, .. } = *self.repetition;
-        let pair_of =
-            |contact: &Contact| [contact.body_a.min(contact.body_b), contact.body_a.max(contact.body_b)];
-        let pairs: HashSet<[u32; 2]> = of.iter().map(|&i| pair_of(&contacts[i as usize])).collect();
-        let mut sunk: HashMap<[u32; 2], f64> = HashMap::new();
-        for contact in contacts.iter().filter(|c| c.gap < 0.0 && pairs.contains(&pair_of(c))) {
-            let deepest = sunk.entry(pair_of(contact)).or_default();
-            *deepest = deepest.max(-contact.gap);
-        }
         // Ways to look at: the pair, whether it falls, and the overlap that its contacts allow.
         let mut ways: Vec<([u32; 2], bool, f64, u32)> = Vec::new();
         for &index in &of {
             let contact = &contacts[index as usize];
-            let pair = pair_of(contact);
+            let pair = [contact.body_a.min(contact.body_b), contact.body_a.max(contact.body_b)];
             let balls = pair.iter().filter(|&&body| self.collider.is_ball(world, body as usize)).count();
             if contact.gap <= 0.0 || balls == 2 || self.met.contains_key(&contact.identity) {
                 continue;
             }
             let [now, later] = motion.normal(index as usize).map(|u| contact.gap + step * u);
+            let (foreseen, falls) = if now < 0.0 { (now, false) } else { (later, true) };
             let size = self.collider.contact_size(world, contact);
-            let touching = sunk.get(&pair).copied().unwrap_or(0.0) + TOUCHING * size;
-            let falls = now >= -touching && later < -touching;
-            let foreseen = if falls { later } else { now };
-            ways.push((pair, falls, (-spurious * foreseen).min(undetected * size).max(touching), index));
+            ways.push((pair, falls, (-spurious * foreseen).min(undetected * size), index));
         }
         ways.sort_by(|a, b| (a.0, a.1).cmp(&(b.0, b.1)).then(a.2.total_cmp(&b.2)));
         let mut passing = HashSet::new();

@@ -25,9 +25,6 @@ const LEVEL: f64 = 1e-6;
 /// Sine of an angle between normals that are the same.
 const PARALLEL: f64 = 1e-6;
 
-/// Points stand over a body up to this height, over the smaller one's size.
-const NEAR: f64 = 0.1;
-
 /// Points are inside a body up to this fraction of the smaller one's size beside it.
 const ROUNDING: f64 = 1e-9;
 
@@ -204,8 +201,9 @@ impl Cover<'_> {
         plane.height(centre) + reach + self.step * rises.max(0.0) <= tolerance
     }
 
-    /// Whether the own point of a contact stands over the body of a plane, near it: what it would meet below
-    /// is that one, right under the plane, and no edge or side of another part that lies there.
+    /// Whether the own point of a contact stands over the body of a plane, no higher than its size: what it
+    /// would meet below is that one, right under the plane, and no edge or side of another part that lies
+    /// there.
     fn is_over(&self, side: &Side, plane: &Side) -> bool {
         let bodies = &self.world.bodies;
         let is_parallel = side.normal.cross(plane.normal).length() <= PARALLEL;
@@ -215,7 +213,7 @@ impl Cover<'_> {
             return false;
         }
         let size = self.collider.contact_size(self.world, &self.contacts[side.contact]);
-        if plane.height(side.own_point) > NEAR * size {
+        if plane.height(side.own_point) > size {
             return false;
         }
         let under = side.own_point - (plane.height(side.own_point) + LEVEL * size) * plane.normal;

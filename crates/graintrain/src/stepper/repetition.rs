@@ -503,7 +503,7 @@ impl Stepper {
     ///
     /// They are found by taking the impulses of a pair away: where Phi + dt u_n says that the bodies would
     /// then be inside each other by more than 5e-4 of the smaller one's size, and on the way they nowhere are
-    /// by a fifth of that, or more than before, there is nothing to hold apart. What a body falls in the step
+    /// by a fifth of that, there is nothing to hold apart. What a body falls in the step
     /// is allowed for: the contact may have carried its weight in another one's place. Where they fall too
     /// far for that, what they do that go on as the step found them, and no higher, tells instead. Those that
     /// were added stay, and those of two balls: they have no seams, and grains that fly past each other are
@@ -561,10 +561,8 @@ impl Stepper {
                 .filter(|&k| foreseen(k) + fall < -self.parameters.repetition.undetected * size)
                 .collect();
             let least = barred.iter().map(|&k| -foreseen(k) - fall).fold(f64::INFINITY, f64::min);
-            let sunk = group.iter().map(|&k| -contact(k).gap).fold(0.0, f64::max);
             let allowed = (self.parameters.repetition.spurious * least)
-                .min(self.parameters.repetition.undetected * size)
-                .max(sunk);
+                .min(self.parameters.repetition.undetected * size);
             let pass = || self.collider.pass_freely(world, bodies, velocities, step, &[allowed], fall)[0];
             if !barred.is_empty() && pass() {
                 found.extend(barred.iter().map(|&k| attempt.active[k] as usize));
