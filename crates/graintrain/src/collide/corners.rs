@@ -43,7 +43,7 @@ const SAME_POINT: f64 = 1e-3;
 const ROUNDING: f64 = 1e-9;
 
 /// How often the point of a mantle that looks at the other solid most is looked for, from the axis on.
-const LOOKS: usize = 4;
+const LOOKS: usize = 30;
 
 /// First feature of B's points; A's begin at 1. Corners, edges and their crossings of the largest hulls fit
 /// between.
@@ -240,15 +240,35 @@ impl<'a> Side<'a> {
             let at = turn.conjugate() * (position + orientation * own - centre);
             let normal = inverse * (turn * other.form().signed_distance(at).normal);
             let Some(found) = shape.form().foremost_around(height, normal) else { return p };
+            let is_there = (found - own).length() <= ROUNDING * (found - height).length();
             own = found;
+            if is_there {
+                break;
+            }
         }
         position + orientation * own
     }
 
-    /// A point of this solid, or none where it is not as near as the envelope to the other.
+    /// A point of this solid, or none where it is not as near as the envelope to the other, or lies beside
+    /// the line along which a mantle touches another round solid.
     fn candidate(&self, p: Vec3, is_corner: bool, feature: u64, envelope: f64) -> Option<Candidate> {
         let (distance, inside) = self.other.distance(p, envelope)?;
-        Some(self.at(p, distance, inside, is_corner, feature))
+        let is_kept = !self.is_beside(p, distance.normal);
+        is_kept.then(|| self.at(p, distance, inside, is_corner, feature))
+    }
+
+    /// Whether the normal of the other round solid at a point of a mantle leads past its axis.
+    fn is_beside(&self, p: Vec3, normal: Vec3) -> bool {
+        let (Solid::Placed { shape, position, orientation }, Solid::Placed { shape: other, .. }) =
+            (self.own, self.other)
+        else {
+            return false;
+        };
+        let inverse = orientation.conjugate();
+        let (own, normal) = (inverse * (p - position), inverse * normal);
+        let touches_mantle =
+            || other.form().is_of_revolution() && shape.form().foremost_around(own, normal).is_some();
+        own.cross(normal).z.abs() > SAME_POINT * own.truncate().length() && touches_mantle()
     }
 
     fn at(&self, p: Vec3, distance: Distance, inside: f64, is_corner: bool, feature: u64) -> Candidate {

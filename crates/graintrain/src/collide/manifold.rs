@@ -61,25 +61,30 @@ pub(crate) fn manifold_contacts(
     let solids = [a, b].map(|solid| solid.seen_from(origin));
     let polyhedra = solids.map(Polyhedron::new);
     let mut found = Vec::new();
-    let mut toward = None;
+    let mut nearest = None;
     if let [Some(one), Some(other)] = &polyhedra {
         if !polyhedron_contacts(one, other, unit, envelope, &mut found) {
             return;
         }
     } else {
-        toward = library_contacts(solids, unit, envelope, &mut found);
+        nearest = library_contacts(solids, unit, envelope, &mut found);
     }
-    add_corners(solids, toward, polyhedra.each_ref().map(Option::as_ref), (unit, envelope), &mut found);
+    let known = nearest.map(|touch: Touch| -touch.normal);
+    add_corners(solids, known, polyhedra.each_ref().map(Option::as_ref), (unit, envelope), &mut found);
+    // Where the rims and mantles of round solids have no point as near.
+    let is_lost = |nearest: &Touch| found.iter().all(|touch| touch.gap > nearest.gap + SAME * unit);
+    found.extend(nearest.filter(is_lost));
     touches.extend(found.into_iter().map(|touch| Touch { point: origin + touch.point, ..touch }));
 }
 
-/// Contacts that the library finds of two solids near the origin; the normal from A to B, where it finds one.
+/// Adds the contacts that the library finds of two solids near the origin; returned is the one that turns
+/// mantles least about their axes, added or not.
 fn library_contacts(
     [a, b]: [Solid<'_>; 2],
     unit: f64,
     envelope: f64,
     touches: &mut Vec<Touch>,
-) -> Option<Vec3> {
+) -> Option<Touch> {
     let ((shape_a, pose_a), (shape_b, pose_b)) = (a.scaled(unit), b.scaled(unit));
     let mut pose = pose_a.inv_mul(&pose_b);
     let prediction = envelope / unit;
@@ -98,27 +103,37 @@ fn library_contacts(
     }
     // The library's normal points from A to B.
     let toward = pose_a.rotation * manifold.local_n1;
-    if !toward.is_finite() || toward == Vec3::ZERO {
-        return None;
-    }
     // Edges of triangles are told by these points alone.
     let is_flat = [&shape_a, &shape_b].iter().any(|shape| matches!(shape, Convex::Triangle(_)));
+    let mut nearest: Option<(f64, Touch)> = None;
     for point in &manifold.points {
         let gap = unit * point.dist;
-        let middle = 0.5 * (pose_a * point.local_p1 + pose_b * point.local_p2);
-        let lever = || shape_a.lever(&pose_a, middle, toward).max(shape_b.lever(&pose_b, middle, toward));
-        if gap > envelope || gap.is_nan() || !is_flat && lever() > BESIDE {
+        if !(gap <= envelope && toward.is_finite()) {
             continue;
         }
+        let middle = 0.5 * (pose_a * point.local_p1 + pose_b * point.local_p2);
+        let lever = [(&shape_a, &pose_a), (&shape_b, &pose_b)]
+            .map(|(shape, pose)| shape.lever(pose, middle, toward))
+            .into_iter()
+            .fold(0.0, f64::max);
         let feature = u64::from(point.fid1.0) << 32 | u64::from(point.fid2.0);
-        touches.push(Touch { point: unit * middle, normal: -toward, gap, feature });
+        let touch = Touch { point: unit * middle, normal: -toward, gap, feature };
+        if is_flat || lever <= BESIDE {
+            touches.push(touch);
+        }
+        if nearest.is_none_or(|(least, _)| lever < least) {
+            nearest = Some((lever, touch));
+        }
     }
-    Some(toward)
+    nearest.map(|(_, touch)| touch)
 }
+
+/// By this fraction of the smaller size a contact may be farther away than another one that counts for it.
+const SAME: f64 = 1e-3;
 
 /// Points are left out at which a force along the normal would turn a mantle about its axis with a larger arm
 /// than this, over its radius: lines that cross are no faces that look at each other.
-const BESIDE: f64 = 2e-3;
+const BESIDE: f64 = 1e-4;
 
 /// By how much faces that cover each other exactly are moved aside, in sizes of the smaller solid.
 const ASIDE: f64 = 1e-9;

@@ -8,7 +8,7 @@ use graintrain::handle::MaterialId;
 use graintrain::material::Elasticity;
 use graintrain::math::{Quat, Vec3, rotation_exponential};
 use graintrain::motion::Motion;
-use graintrain::shape::{Geometry, Surface};
+use graintrain::shape::{Cuboid, Geometry, Part, Shape, Sphere, Surface};
 use graintrain::stepper::{StepSettings, Stepper};
 use graintrain::world::{Body, World};
 use std::f64::consts::PI;
@@ -386,6 +386,98 @@ fn what_lands_before_a_seam_goes_straight_on() {
         let left = world.bodies.velocity[ball];
         let up = if restitution > 0.0 { left.z > 0.0 } else { left.z.abs() < 1e-9 };
         assert!((left.x - 1.0).abs() < 1e-9 && up, "e = {restitution}, {step} s, {before} m before: {left}");
+    }
+}
+
+/// A box slides over the seams of flush boxes of one body, and a clump of balls over those of several,
+/// whether they arrive there at the end of a step or within one. (With restitution the box was thrown back by
+/// the hidden side of the next part; the clump lost a fifth of its speed.)
+#[test]
+fn hidden_sides_and_edges_are_not_met() {
+    let part = |shape: Shape, x: f64, y: f64, z: f64| Part {
+        shape,
+        position: Vec3::new(x, y, z),
+        orientation: Quat::IDENTITY,
+    };
+    let tile = || Shape::Box(Cuboid { half: Vec3::new(0.25, 0.5, 0.15) });
+    let (floor, middle) =
+        Geometry::compound((0..4).map(|k| part(tile(), 0.25 + 0.5 * f64::from(k), 0.0, -0.15)).collect())
+            .unwrap();
+    let ball = |x: f64, y: f64| part(Shape::Sphere(Sphere { radius: 0.1 }), x, y, 0.0);
+    let balls = [(-0.1, -0.1), (0.1, -0.1), (-0.1, 0.1), (0.1, 0.1)];
+    let clump = Geometry::compound(balls.map(|(x, y)| ball(x, y)).to_vec()).unwrap().0;
+    let block = Geometry::cuboid(Vec3::new(0.1, 0.075, 0.05)).unwrap();
+    for restitution in [0.0, 0.3, 0.8] {
+        for (step, start) in [(1e-2, 0.3), (2e-3, 0.3), (2e-3, 0.3047)] {
+            for (form, height, is_one) in [(&block, 0.05, true), (&clump, 0.1, false)] {
+                let mut world = world(0.0, restitution);
+                if is_one {
+                    let floor = world.add_geometry(floor.clone());
+                    let motion = world.add_motion(Motion::fixed()).unwrap();
+                    let floor = Body { motion, ..Body::new(floor, MaterialId::default(), middle) };
+                    world.add_body(floor).unwrap();
+                } else {
+                    tiled_floor(&mut world, 8, 0.25);
+                }
+                let form = world.add_geometry(form.clone());
+                let place = Vec3::new(start, 0.013, height);
+                let body = Body { velocity: Vec3::X, ..Body::new(form, MaterialId::default(), place) };
+                let body = world.add_body(body).unwrap().index();
+                let mut stepper = Stepper::new(StepSettings { step, ..StepSettings::default() }).unwrap();
+                while world.time < 1.0 {
+                    solved_step(&mut stepper, &mut world);
+                }
+                let left = world.bodies.velocity[body];
+                let what = format!("e = {restitution}, {step} s from {start}, one {is_one}: {left}");
+                assert!((left - Vec3::X).length() < 1e-6, "{what}");
+            }
+        }
+    }
+}
+
+/// Cylinders and frusta without friction that fall on each other crosswise do not spin about their axes, at
+/// whatever angle they cross, and end as capsules do. (Below 22 degrees they spun at 10 rad/s.)
+#[test]
+fn crossing_rods_without_friction_do_not_spin() {
+    let forms = [
+        Geometry::capsule(1.0, 0.05).unwrap(),
+        Geometry::cylinder(1.0, 0.05).unwrap(),
+        Geometry::cone(2.0, 0.05, 0.04999).unwrap(),
+    ];
+    for (degrees, offset) in [(0.1_f64, 0.5), (1.0, 0.5), (5.0, 0.3), (10.0, 0.5), (20.0, 0.5), (40.0, 0.3)] {
+        let ends: Vec<Vec3> = forms
+            .iter()
+            .map(|form| {
+                let mut world = world(0.0, 0.0);
+                world.gravity = Vec3::ZERO;
+                let form = world.add_geometry(form.clone());
+                let along = Quat::from_rotation_y(0.5 * PI);
+                let lower = Body {
+                    motion: world.add_motion(Motion::fixed()).unwrap(),
+                    orientation: Quat::from_rotation_z(degrees.to_radians()) * along,
+                    ..Body::new(form, MaterialId::default(), Vec3::new(offset, 0.0, -0.05))
+                };
+                world.add_body(lower).unwrap();
+                let upper = Body {
+                    orientation: along,
+                    velocity: -Vec3::Z,
+                    ..Body::new(form, MaterialId::default(), Vec3::new(0.0, 0.0, 0.1))
+                };
+                let upper = world.add_body(upper).unwrap().index();
+                let settings = StepSettings { step: 1e-3, ..StepSettings::default() };
+                let mut stepper = Stepper::new(settings).unwrap();
+                for _ in 0..60 {
+                    solved_step(&mut stepper, &mut world);
+                }
+                let axis = world.bodies.orientation[upper] * Vec3::Z;
+                let spin = world.bodies.angular_velocity[upper].dot(axis);
+                assert!(spin.abs() < 1e-3, "{degrees} degrees: {spin}");
+                world.bodies.velocity[upper]
+            })
+            .collect();
+        for end in &ends[1..] {
+            assert!((*end - ends[0]).length() < 0.06, "{degrees} degrees: {ends:?}");
+        }
     }
 }
 
