@@ -186,8 +186,10 @@ impl Rotor {
         if let Some(turn) = fast {
             let asked = self.momentum(before) + self.momentum(change);
             let made = Self { orientation: turn.orientation, ..*self }.momentum(turn.spin);
-            let largest = self.momentum(before).length().max(made.length());
-            return Turn { lost: (made - asked).length() / largest, ..turn };
+            let largest =
+                [self.momentum(before), made, asked].map(Vec3::length).into_iter().fold(0.0, f64::max);
+            let lost = if largest > 0.0 { (made - asked).length() / largest } else { 0.0 };
+            return Turn { lost, ..turn };
         }
         let mut kicked = before + change;
         if gives_back {

@@ -107,12 +107,12 @@ pub(crate) fn add_corners(
     (unit, envelope): (f64, f64),
     touches: &mut Vec<Touch>,
 ) {
-    let is_open = touches.is_empty() && known_normal.is_some();
-    if envelope <= CLEAR * unit && !is_open {
+    let is_round = known_normal.is_some();
+    if envelope <= CLEAR * unit && !is_round {
         return;
     }
     let found = touches.iter().min_by(|x, y| x.gap.total_cmp(&y.gap)).copied();
-    let toward = found.map(|touch| -touch.normal).or(known_normal).unwrap_or(b.centre() - a.centre());
+    let toward = known_normal.or(found.map(|touch| -touch.normal)).unwrap_or(b.centre() - a.centre());
     let highest = envelope + ROUNDING * unit;
     let [of_a, of_b] = polyhedra;
     let sides = [
@@ -124,7 +124,9 @@ pub(crate) fn add_corners(
         .iter()
         .min_by(|x, y| x.distance.value.total_cmp(&y.distance.value).then(x.feature.cmp(&y.feature)));
     let Some(nearest) = nearest else { return };
-    let overlooked = found.is_none_or(|touch| nearest.distance.value < touch.gap - SAME_POINT * unit);
+    // Where mantles cross, what was found lies at their ends.
+    let nearer = if is_round { CLEAR } else { SAME_POINT };
+    let overlooked = found.is_none_or(|touch| nearest.distance.value < touch.gap - nearer * unit);
     let first = if overlooked { Some(nearest.feature) } else { None };
     let normal = if overlooked { nearest.distance.normal } else { -toward };
     let known = touches.len();
@@ -135,7 +137,7 @@ pub(crate) fn add_corners(
         let Distance { value, normal: own } = candidate.distance;
         let alike = own.dot(normal);
         let is_first = first == Some(candidate.feature);
-        let taken = is_first && is_open
+        let taken = is_first && is_round
             || value > CLEAR * unit
                 && (is_first
                     || (alike >= SAME_PATCH && candidate.inside >= 0.0)
@@ -222,31 +224,9 @@ impl<'a> Side<'a> {
         Self { own, corners, mantle, is_near, near_edges, other, front, outward: -toward, sign, first }
     }
 
-    /// For a point of the line of a mantle that looks at the other solid: the point at the same height of the
-    /// mantle that looks at it most, so that the normal there leads through the axis. Anywhere else a contact
-    /// without friction would spin the mantle.
+    /// The foremost point of its mantle beside one of it.
     fn foremost(&self, p: Vec3) -> Vec3 {
-        let (
-            Solid::Placed { shape, position, orientation },
-            Solid::Placed { shape: other, position: centre, orientation: turn },
-        ) = (self.own, self.other)
-        else {
-            return p;
-        };
-        let inverse = orientation.conjugate();
-        let height = inverse * (p - position) * Vec3::Z;
-        let mut own = height;
-        for _ in 0..LOOKS {
-            let at = turn.conjugate() * (position + orientation * own - centre);
-            let normal = inverse * (turn * other.form().signed_distance(at).normal);
-            let Some(found) = shape.form().foremost_around(height, normal) else { return p };
-            let is_there = (found - own).length() <= ROUNDING * (found - height).length();
-            own = found;
-            if is_there {
-                break;
-            }
-        }
-        position + orientation * own
+        foremost(self.own, self.other, p).unwrap_or(p)
     }
 
     /// A point of this solid, or none where it is not as near as the envelope to the other, or lies beside
@@ -340,6 +320,33 @@ fn of_edges(side: &Side<'_>, envelope: f64, candidates: &mut Vec<Candidate>) {
             }
         }
     }
+}
+
+/// For a point of a mantle: the point at the same height of it that looks at the other solid most, so that
+/// the normal there leads through the axis; `None` for what has no mantle there. Anywhere else a contact
+/// without friction would spin it.
+pub(super) fn foremost(own: Solid<'_>, other: Solid<'_>, p: Vec3) -> Option<Vec3> {
+    let (
+        Solid::Placed { shape, position, orientation },
+        Solid::Placed { shape: other, position: centre, orientation: turn },
+    ) = (own, other)
+    else {
+        return None;
+    };
+    let inverse = orientation.conjugate();
+    let height = inverse * (p - position) * Vec3::Z;
+    let mut own = height;
+    for _ in 0..LOOKS {
+        let at = turn.conjugate() * (position + orientation * own - centre);
+        let normal = inverse * (turn * other.form().signed_distance(at).normal);
+        let found = shape.form().foremost_around(height, normal)?;
+        let is_there = (found - own).length() <= ROUNDING * (found - height).length();
+        own = found;
+        if is_there {
+            break;
+        }
+    }
+    Some(position + orientation * own)
 }
 
 impl Solid<'_> {

@@ -2,13 +2,13 @@
 //! and cones with each other and with those through the collision library's manifolds (GJK, then clipping of
 //! the touching faces); and for both the points within the envelope that these leave out (`corners`).
 
-use super::corners::add_corners;
+use super::corners::{add_corners, foremost};
 use super::polish::polish;
 use super::polyhedra::{Polyhedron, polyhedron_contacts};
 use super::reduce::Touch;
 use crate::math::{Mat3, Pose, Quat, Vec3};
-use crate::shape::Shape;
 use crate::shape::library::Convex;
+use crate::shape::{Distance, Shape};
 use parry3d_f64::query::ContactManifold;
 use parry3d_f64::query::details::contact_manifold_pfm_pfm;
 use parry3d_f64::shape::Triangle;
@@ -120,6 +120,10 @@ fn library_contacts(
         let touch = Touch { point: unit * middle, normal: -toward, gap, feature };
         if is_flat || lever <= BESIDE {
             touches.push(touch);
+        } else if let Some(moved) = on_mantle([a, b], touch)
+            && moved.gap <= envelope
+        {
+            touches.push(moved);
         }
         if nearest.is_none_or(|(least, _)| lever < least) {
             nearest = Some((lever, touch));
@@ -128,11 +132,23 @@ fn library_contacts(
     nearest.map(|(_, touch)| touch)
 }
 
+/// The contact of a mantle at the height of this one, where a force spins it not: of A, or of B.
+fn on_mantle([a, b]: [Solid<'_>; 2], touch: Touch) -> Option<Touch> {
+    [(a, b, 1.0), (b, a, -1.0)].into_iter().find_map(|(own, other, sign)| {
+        let point = foremost(own, other, touch.point)?;
+        let Solid::Placed { shape, position, orientation } = other else { return None };
+        let Distance { value: gap, normal } =
+            shape.form().signed_distance(orientation.conjugate() * (point - position));
+        let normal = orientation * normal;
+        Some(Touch { point: point - 0.5 * gap * normal, normal: sign * normal, gap, ..touch })
+    })
+}
+
 /// By this fraction of the smaller size a contact may be farther away than another one that counts for it.
 const SAME: f64 = 1e-3;
 
-/// Points are left out at which a force along the normal would turn a mantle about its axis with a larger arm
-/// than this, over its radius: lines that cross are no faces that look at each other.
+/// Points at which a force along the normal would turn a mantle about its axis with a larger arm than this,
+/// over its radius, are moved: lines that cross are no faces that look at each other.
 const BESIDE: f64 = 1e-4;
 
 /// By how much faces that cover each other exactly are moved aside, in sizes of the smaller solid.

@@ -7,7 +7,8 @@
 //! the contact with C is left out. A ball stays above a plane that holds it in one point, a capsule or
 //! cylinder that lies on it above one that holds it on both sides of where it might meet C, a box, hull or
 //! cone above one that holds it in points between which it might meet C, or there; each part of A by itself.
-//! Nor does A meet C with a point that stands over B: below it there is B, and C's edge or side is hidden.
+//! Nor does A meet C, with another normal, at a point that stands over B no higher than its size: below it
+//! there is B, and C's edge or side is hidden.
 //! Boxes, hulls and cones on free ones, and images in a periodic cell are not looked at; of what lies askew
 //! to an edge some contacts stay. A body C that begins to rise in the step is met one step
 //! late, or as soon as it overlaps.
@@ -45,8 +46,10 @@ struct Side {
     /// Which of its parts, and what that is.
     part: usize,
     kind: Kind,
-    /// The other body.
+    /// The other body, which of its parts it is, and whether some of them are meshes.
     other: usize,
+    carrier: usize,
+    is_on_mesh: bool,
     /// From the other body to its own one.
     normal: Vec3,
     /// The point of the other body's surface, m.
@@ -86,6 +89,8 @@ impl Cover<'_> {
     /// The contacts that others cover, ascending.
     fn covered(&self) -> Vec<usize> {
         let contacts = self.contacts;
+        let has_mesh: Vec<bool> =
+            self.world.geometries.iter().map(|form| form.parts.iter().any(is_mesh)).collect();
         let side = |index: usize| {
             let contact = &contacts[index];
             let lead =
@@ -94,19 +99,23 @@ impl Cover<'_> {
             let [a, b] = ends.map(|(body, sign)| {
                 let point = contact.point + sign * lead;
                 let (part, kind) = self.part_at(body, point);
+                let kind = if self.world.is_prescribed(body) { Kind::Support } else { kind };
                 (body, part, kind, point, sign)
             });
             if a.2 == b.2 || contact.image != [0; 3] {
                 return None;
             }
-            let ((own, part, kind, own_point, sign), (other, .., point, _)) =
+            let ((own, part, kind, own_point, sign), (other, carrier, _, point, _)) =
                 if a.2 < b.2 { (a, b) } else { (b, a) };
+            let is_on_mesh = has_mesh[self.world.bodies.geometry[other].index()];
             Some(Side {
                 contact: index,
                 own,
                 part,
                 kind,
                 other,
+                carrier,
+                is_on_mesh,
                 normal: sign * contact.normal,
                 point,
                 own_point,
@@ -127,21 +136,25 @@ impl Cover<'_> {
     /// The part of a body that has this point of its surface, and what it is.
     fn part_at(&self, body: usize, point: Vec3) -> (usize, Kind) {
         let (bodies, parts) = (&self.world.bodies, self.parts(body));
-        if self.world.is_prescribed(body) {
-            return (0, Kind::Support);
+        if let [part] = parts {
+            return (0, Kind::of(part));
         }
         let own = bodies.orientation[body].conjugate() * (point - bodies.position[body]);
-        let beside = |part: &Part| {
+        let tie = LEVEL * self.collider.body_size(self.world, body).min(f64::MAX);
+        let mut nearest = (f64::INFINITY, 0, Kind::Support);
+        for (k, part) in parts.iter().enumerate() {
             let at = part.orientation.conjugate() * (own - part.position);
-            if is_mesh(part) { f64::INFINITY } else { part.shape.form().signed_distance(at).value.abs() }
-        };
-        let nearest = match parts.len() {
-            1 => 0,
-            _ => {
-                (0..parts.len()).min_by(|&a, &b| beside(&parts[a]).total_cmp(&beside(&parts[b]))).unwrap_or(0)
+            let form = part.shape.form();
+            if is_mesh(part) || at.length() - form.bounding_radius() > nearest.0 {
+                continue;
             }
-        };
-        (nearest, Kind::of(&parts[nearest]))
+            let (distance, kind) = (form.signed_distance(at).value.abs(), Kind::of(part));
+            // Where parts touch, the one that a single plane holds less.
+            if distance < nearest.0 - tie || distance <= nearest.0 + tie && kind > nearest.2 {
+                nearest = (distance, k, kind);
+            }
+        }
+        (nearest.1, nearest.2)
     }
 
     /// Those of the contacts of a part that others cover, none of which is covered itself.
@@ -151,14 +164,24 @@ impl Cover<'_> {
             let [a, b] = world.materials_of(&contacts[side.contact]);
             world.materials.pair_elasticity(a, b).is_rigid()
         };
-        let lies_below = |side: &Side, plane: &Side| {
-            let tolerance = LEVEL * self.collider.contact_size(world, &contacts[side.contact]);
-            is_rigid(plane) && self.lies_below(side, plane, tolerance)
-        };
-        let planes: Vec<Vec<usize>> = sides
-            .iter()
-            .map(|side| (0..sides.len()).filter(|&k| lies_below(side, &sides[k])).collect())
-            .collect();
+        let mut planes: Vec<Vec<usize>> = vec![Vec::new(); sides.len()];
+        for (k, plane) in sides.iter().enumerate().filter(|(_, plane)| is_rigid(plane)) {
+            let mut below: Vec<(usize, bool)> = Vec::new();
+            for (side, planes) in sides.iter().zip(&mut planes) {
+                let tolerance = LEVEL * self.collider.contact_size(world, &contacts[side.contact]);
+                if !self.may_cover(side, plane, tolerance) {
+                    continue;
+                }
+                let known = below.iter().find(|(body, _)| *body == side.other).map(|(_, lies)| *lies);
+                let lies = known.unwrap_or_else(|| self.lies_below(side.other, plane, tolerance));
+                if known.is_none() {
+                    below.push((side.other, lies));
+                }
+                if lies {
+                    planes.push(k);
+                }
+            }
+        }
         let is_covered = |k: usize, covered: &[bool]| {
             let side = &sides[k];
             let kept: Vec<&Side> = planes[k].iter().filter(|&&k| !covered[k]).map(|&k| &sides[k]).collect();
@@ -176,34 +199,35 @@ impl Cover<'_> {
         sides.iter().zip(&covered).filter(|(_, covered)| **covered).map(|(side, _)| side.contact).collect()
     }
 
-    /// Whether the other body of a contact lies below the plane of another one, all through the step.
-    fn lies_below(&self, side: &Side, plane: &Side, tolerance: f64) -> bool {
-        let bodies = &self.world.bodies;
+    /// Whether the plane of another contact may cover a contact, whose points lie below it and above.
+    fn may_cover(&self, side: &Side, plane: &Side, tolerance: f64) -> bool {
         // Of several that carry the body alike none covers another one; meshes know their own edges.
         let is_alike = side.normal.cross(plane.normal).length() <= PARALLEL
             && self.contacts[side.contact].gap <= self.contacts[plane.contact].gap + tolerance;
         let is_one = side.other == plane.other && side.kind == Kind::Convex;
-        if is_alike || is_one && self.parts(plane.other).iter().any(is_mesh) {
-            return false;
-        }
         let sunk = END / LEVEL * tolerance;
-        if plane.height(side.point) > tolerance || plane.height(side.own_point) < -sunk {
-            return false;
-        }
-        let centre = bodies.position[side.other];
-        let (reach, radius) = self.collider.reach(self.world, side.other, plane.normal);
+        !(is_alike || is_one && side.is_on_mesh)
+            && plane.height(side.point) <= tolerance
+            && plane.height(side.own_point) >= -sunk
+    }
+
+    /// Whether a body lies below the plane of a contact, all through the step.
+    fn lies_below(&self, body: usize, plane: &Side, tolerance: f64) -> bool {
+        let bodies = &self.world.bodies;
+        let centre = bodies.position[body];
+        let (reach, radius) = self.collider.reach(self.world, body, plane.normal);
         let spin = |body: usize| bodies.angular_velocity[body];
         let on_plane = bodies.velocity[plane.other]
             + spin(plane.other).cross(plane.point - bodies.position[plane.other]);
-        let rises = plane.normal.dot(bodies.velocity[side.other] - on_plane)
-            + spin(side.other).length() * radius
+        let rises = plane.normal.dot(bodies.velocity[body] - on_plane)
+            + spin(body).length() * radius
             + spin(plane.other).length() * (centre - plane.point).length();
         plane.height(centre) + reach + self.step * rises.max(0.0) <= tolerance
     }
 
-    /// Whether the own point of a contact stands over the body of a plane, no higher than its size: what it
-    /// would meet below is that one, right under the plane, and no edge or side of another part that lies
-    /// there.
+    /// Whether the own point of a contact stands over the part of a body that has a plane, no higher than its
+    /// size: what it would meet below is that one, right under the plane, and no edge or side of another part
+    /// that lies there.
     fn is_over(&self, side: &Side, plane: &Side) -> bool {
         let bodies = &self.world.bodies;
         let is_parallel = side.normal.cross(plane.normal).length() <= PARALLEL;
@@ -217,12 +241,10 @@ impl Cover<'_> {
             return false;
         }
         let under = side.own_point - (plane.height(side.own_point) + LEVEL * size) * plane.normal;
-        let body = plane.other;
-        let own = bodies.orientation[body].conjugate() * (under - bodies.position[body]);
-        self.parts(body).iter().any(|part| {
-            let at = part.orientation.conjugate() * (own - part.position);
-            !is_mesh(part) && part.shape.form().signed_distance(at).value <= ROUNDING * size
-        })
+        let part = &self.parts(plane.other)[plane.carrier];
+        let own = bodies.orientation[plane.other].conjugate() * (under - bodies.position[plane.other]);
+        let at = part.orientation.conjugate() * (own - part.position);
+        !is_mesh(part) && part.shape.form().signed_distance(at).value <= ROUNDING * size
     }
 
     /// Whether these planes, of which some are the same, hold a body where it might meet the other one.

@@ -485,7 +485,9 @@ impl Stepper {
             let first = found.len();
             let of_pair = self.collider.contacts_of_pair(world, pair, velocity, self.settings.step);
             let new = of_pair.into_iter().filter(|c| !known.contains(&c.identity));
-            let beside = |c: &&Contact| pair.contains(&c.body_a) || pair.contains(&c.body_b);
+            let held = pair.into_iter().filter(|&body| !world.is_prescribed(body as usize));
+            let held: Vec<u32> = held.collect();
+            let beside = |c: &&Contact| held.contains(&c.body_a) || held.contains(&c.body_b);
             let mut all: Vec<Contact> = contacts.iter().filter(beside).copied().chain(new).collect();
             leave_covered_out(world, &self.collider, self.settings.step, &mut all);
             found.extend(all.into_iter().filter(|c| !known.contains(&c.identity)));
