@@ -42,8 +42,14 @@ const SAME_POINT: f64 = 1e-3;
 /// By this fraction of the smaller size rounding may make a point too high.
 const ROUNDING: f64 = 1e-9;
 
-/// How often the point of a mantle that looks at the other solid most is looked for, from the axis on.
-const LOOKS: usize = 30;
+/// How often the point of a mantle that looks at the other solid most is looked for.
+const LOOKS: usize = 10;
+
+/// By how much of its radius the foremost point of a mantle may be nearer than one that is 45 degrees beside.
+const NEARER: f64 = 0.3;
+
+/// Points of a mantle nearer than this fraction of its radius are one.
+const LEVEL: f64 = 1e-6;
 
 /// First feature of B's points; A's begin at 1. Corners, edges and their crossings of the largest hulls fit
 /// between.
@@ -224,9 +230,13 @@ impl<'a> Side<'a> {
         Self { own, corners, mantle, is_near, near_edges, other, front, outward: -toward, sign, first }
     }
 
-    /// The foremost point of its mantle beside one of it.
-    fn foremost(&self, p: Vec3) -> Vec3 {
-        foremost(self.own, self.other, p).unwrap_or(p)
+    /// The foremost point of its mantle beside one of it, where that may be as near as the envelope.
+    fn foremost(&self, p: Vec3, envelope: f64) -> Vec3 {
+        let Solid::Placed { shape, position, orientation } = self.own else { return p };
+        let radius = (orientation.conjugate() * (p - position)).truncate().length();
+        let is_near =
+            shape.form().is_of_revolution() && self.other.distance(p, envelope + NEARER * radius).is_some();
+        if is_near { foremost(self.own, self.other, p).unwrap_or(p) } else { p }
     }
 
     /// A point of this solid, or none where it is not as near as the envelope to the other, or lies beside
@@ -269,7 +279,11 @@ impl<'a> Side<'a> {
 fn of_corners(side: &Side<'_>, envelope: f64, candidates: &mut Vec<Candidate>) {
     for (number, &p) in side.corners.iter().enumerate() {
         if side.is_near[number] {
-            let p = if side.mantle.is_some_and(|ends| ends.contains(&number)) { side.foremost(p) } else { p };
+            let p = if side.mantle.is_some_and(|ends| ends.contains(&number)) {
+                side.foremost(p, envelope)
+            } else {
+                p
+            };
             candidates.extend(side.candidate(p, true, side.first + number as u64, envelope));
         }
     }
@@ -315,7 +329,7 @@ fn of_edges(side: &Side<'_>, envelope: f64, candidates: &mut Vec<Candidate>) {
         for (t, feature) in std::iter::once(nearest).chain(crossings).zip(feature..) {
             if t.abs() < 1.0 {
                 let p = position + orientation * (centre + t * half);
-                let p = if side.mantle == Some(edge) { side.foremost(p) } else { p };
+                let p = if side.mantle == Some(edge) { side.foremost(p, envelope) } else { p };
                 candidates.extend(side.candidate(p, false, feature, envelope));
             }
         }
@@ -334,17 +348,22 @@ pub(super) fn foremost(own: Solid<'_>, other: Solid<'_>, p: Vec3) -> Option<Vec3
         return None;
     };
     let inverse = orientation.conjugate();
-    let height = inverse * (p - position) * Vec3::Z;
-    let mut own = height;
-    for _ in 0..LOOKS {
+    let around = |own: Vec3| {
         let at = turn.conjugate() * (position + orientation * own - centre);
         let normal = inverse * (turn * other.form().signed_distance(at).normal);
-        let found = shape.form().foremost_around(height, normal)?;
-        let is_there = (found - own).length() <= ROUNDING * (found - height).length();
+        shape.form().foremost_around(own, normal)
+    };
+    let mut own = inverse * (p - position);
+    let mut found = around(own)?;
+    // From the axis, where it looks at what is across it, it is there at once.
+    let height = own * Vec3::Z;
+    for look in 0..LOOKS {
+        let is_there = (found - own).length() <= LEVEL * (found - height).length();
         own = found;
         if is_there {
             break;
         }
+        found = around(if look == 0 { height } else { own })?;
     }
     Some(position + orientation * own)
 }
