@@ -32,11 +32,13 @@
 mod bounds;
 mod reactions;
 mod switching;
+mod vibration;
 
 pub(crate) use reactions::JointReactions;
 use switching::CLEAR;
+use vibration::spring_shares;
 
-use super::elimination::{Elimination, dot};
+use super::elimination::Elimination;
 use super::kinematics::{Placed, Row, coordinate, held, last};
 use super::rows::{Root, connected, length_of, made_unit, row_over};
 use super::stiffening::{Stiffening, stiffness};
@@ -51,16 +53,6 @@ use std::borrow::Cow;
 
 /// Roundings in the difference of two positions.
 const ROUNDING: f64 = 16.0;
-
-/// The force of a spring is that of the length s - a dt ds/dt- + b dt ds/dt+, with s at the start of the step
-/// and its rates before and after: a and b, from the square of w dt with the rate w of the vibration of its
-/// bodies ([`Mechanisms::vibrations`]). Resolved vibrations (w dt up to 1) have the mean (s- + 2 s + s+) / 4,
-/// which keeps their energy; faster ones more and more the length at the end, which takes it: what a step
-/// moves a body by before the spring acts would be energy from nowhere.
-fn spring_shares(square: f64) -> [f64; 2] {
-    let unresolved = 1.0 - 1.0 / square.max(1.0);
-    [0.25 * (1.0 - unresolved), 0.25 + 0.75 * unresolved]
-}
 
 /// Largest mobility of a spring, 1/kg: softer ones do nothing, and its square has to stay finite.
 const SOFTEST: f64 = 1e100;
@@ -131,6 +123,8 @@ struct Mechanism {
     elimination: Elimination,
     springs: usize,
     stiffening: Option<Stiffening>,
+    /// Bounds of (w dt)^2 of its springs, by joint.
+    vibrations: Vec<(usize, f64)>,
     corrected: Option<Correction>,
     /// It moves as its rows say at the start of the step, since no path from there keeps it closed.
     is_straight: bool,
@@ -245,6 +239,7 @@ impl<'a> Mechanisms<'a> {
                 ..Mechanism::default()
             };
             own.stiffen(&mut mechanism);
+            mechanism.vibrations = own.vibrations(&mechanism);
             own.arrange(&mut mechanism);
             own.mechanisms.push(mechanism);
         }
@@ -278,39 +273,6 @@ impl<'a> Mechanisms<'a> {
         ROUNDING * f64::EPSILON * size / self.step
     }
 
-    /// Bounds of (w dt)^2 of the vibrations of every spring of a mechanism, by joint: with its rates a_i of
-    /// unit mass, along what joints hold, `dt^2 sum_j sqrt(k_i k_j) |a_i . a_j|` (S. Gershgorin).
-    fn vibrations(&self, mechanism: &Mechanism) -> Vec<(usize, f64)> {
-        let joints = &self.world.joints;
-        let poses = |body: usize| self.world.pose(body);
-        let length = 6 * mechanism.bodies.len();
-        let over = |row: &Row| row_over(row, &mechanism.bodies, &mechanism.roots, length);
-        let mut springs: Vec<(usize, Vec<f64>)> = Vec::new();
-        for &joint in &mechanism.joints {
-            if let Some(spring) = &joints[joint].joint.spring
-                && let Some(along) = coordinate(joints, joint, &poses, &last(joints))
-            {
-                let root = self.step * spring.stiffness.sqrt();
-                springs.push((joint, over(&along).into_iter().map(|x| root * x).collect()));
-            }
-        }
-        let bounds = |springs: &[(usize, Vec<f64>)]| -> Vec<(usize, f64)> {
-            let sum = |own: &[f64]| springs.iter().map(|(_, other)| dot(own, other).abs()).sum();
-            springs.iter().map(|(joint, own)| (*joint, sum(own))).collect()
-        };
-        let alone = bounds(&springs);
-        if alone.iter().all(|(_, square)| *square <= 1.0) {
-            return alone;
-        }
-        let rows = mechanism.joints.iter().flat_map(|&joint| held(joints, joint, &poses, &last(joints)));
-        let mut rows: Vec<Vec<f64>> = rows.map(|row| over(&row)).collect();
-        rows.iter_mut().for_each(|row| _ = made_unit(row));
-        let none = vec![0.0; rows.len()];
-        let elimination = Elimination::new(length, rows);
-        springs.iter_mut().for_each(|(_, own)| elimination.project(own, &none));
-        bounds(&springs)
-    }
-
     /// Makes the rows of a mechanism with motors and stops as the states say.
     fn arrange(&self, mechanism: &mut Mechanism) {
         let (world, step) = (self.world, self.step);
@@ -321,7 +283,6 @@ impl<'a> Mechanisms<'a> {
             same.map_or(0.0, |row| row.target - row.wanted)
         };
         (mechanism.pushed, mechanism.corrected) = (Vec::new(), None);
-        let vibrations = self.vibrations(mechanism);
         for &joint in &mechanism.joints {
             let mut add = |role: Role, row: Row, wanted: f64, compliance: f64| {
                 let free_rate = row.rate(&self.free);
@@ -350,8 +311,11 @@ impl<'a> Mechanisms<'a> {
             if let Some(spring) = &own.spring {
                 let rest = spring.rest.as_ref().map_or(world.joints[joint].start, |rest| self.mean(rest));
                 let (k, c) = (spring.stiffness, spring.damping);
-                let square =
-                    vibrations.iter().find(|(own, _)| *own == joint).map_or(0.0, |(_, square)| *square);
+                let square = mechanism
+                    .vibrations
+                    .iter()
+                    .find(|(own, _)| *own == joint)
+                    .map_or(0.0, |(_, square)| *square);
                 let [before_part, after_part] = spring_shares(square).map(|share| share * step * step * k);
                 let mobility = (1.0 / (after_part + step * c)).min(SOFTEST);
                 let before = along.rate(&self.before);
