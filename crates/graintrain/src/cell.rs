@@ -22,17 +22,18 @@
 //! the mass M of all bodies spread over the cell,
 //!
 //! ```text
-//! W_ij dL_ij/dt = V ( s_ij - imposed ),     V s_ij = - sum over contacts across the boundary of f_i (H n)_j
+//! W_ij (dL/dt + L L)_ij = V ( s_ij - imposed ),     V s_ij = - sum over contacts across the boundary of f_i (H n)_j
 //! ```
 //!
 //! (f: force on body A, whose neighbour is the image n of body B; compression positive) solved together with
-//! the contacts of the step. Where bodies are in equilibrium this sum over the boundary is the mean stress of
-//! the cell (Love and Weber). As with a wall that presses, what the boundary does reaches the inner bodies
-//! through contacts. In equilibrium the inertia does not matter. Where the largest imposed stress would
-//! change an edge by more than a twentieth within a step from rest, inertias are raised to where it does not
-//! (`cell_limits`): else what a solve leaves over, which is a share of what the stress does in a step, would
-//! be larger than grains. F. Radjai, C. Voivret, "Periodic boundary conditions", in "Discrete-element
-//! Modeling of Granular Materials", Wiley, 2011, have cells with inertia in contact dynamics.
+//! the contacts of the step: edges that nothing presses go on with their speeds, d2H/dt2 = 0. Where bodies
+//! are in equilibrium this sum over the boundary is the mean stress of the cell (Love and Weber). As with a
+//! wall that presses, what the boundary does reaches the inner bodies through contacts. In equilibrium the
+//! inertia does not matter. Where the largest imposed stress would change an edge by more than a twentieth
+//! within a step from rest, inertias are raised to where it does not (`cell_limits`): else what a solve
+//! leaves over, which is a share of what the stress does in a step, would be larger than grains. F. Radjai,
+//! C. Voivret, "Periodic boundary conditions", in "Discrete-element Modeling of Granular Materials", Wiley,
+//! 2011, have cells with inertia in contact dynamics.
 
 use crate::contact::Contact;
 use crate::error::{ModelError, finite, positive};
@@ -77,7 +78,7 @@ pub struct Cell {
     pub tilt: [f64; 3],
     /// Along which axes space repeats.
     pub periodic: [bool; 3],
-    /// L of the last step, 1/s.
+    /// L at the end of the last step, 1/s.
     pub rate: [f64; 6],
     /// Sum of L dt of all steps: logarithmic strains on the diagonal (positive: stretched), shear strains.
     pub strain: [f64; 6],
@@ -432,10 +433,18 @@ pub(crate) fn advance(world: &mut World, rate: [f64; 6], step: f64) {
     follow_contacts(world, change, step);
     let Some(cell) = &mut world.cell else { return };
     cell.deform(step);
-    // L of edges that go on with the velocities of this step is L (I + dt L)^-1; the rate that goes on is L.
+    // Edges go on with the velocities of this step, as walls do: with L (I + dt L)^-1. Where a rate is
+    // imposed it is L, and bodies follow what that makes faster.
     let [imposed, pressed] = gradients(cell);
-    let kept = (Mat3::IDENTITY + (imposed + pressed) * step).inverse();
-    take_along(world, [imposed - imposed * kept, pressed - pressed * kept]);
+    let rate = imposed + pressed;
+    let kept = rate * (Mat3::IDENTITY + step * rate).inverse();
+    for (k, (i, j)) in COMPONENTS.into_iter().enumerate() {
+        if matches!(cell.drive[k], Drive::Stress(_)) {
+            cell.rate[k] = kept.col(j)[i];
+        }
+    }
+    let [imposed, pressed] = gradients(cell);
+    take_along(world, [imposed + pressed - kept, Mat3::ZERO]);
     wrap(world);
 }
 
