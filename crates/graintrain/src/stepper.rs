@@ -258,6 +258,7 @@ impl Stepper {
         let courses = courses(world, contacts, &attempt);
         let velocities = [&attempt.impacts.velocity, attempt.velocity.as_slice()];
         let (kicked, lost) = advance(world, velocities, &courses, step);
+        attempt.impacts.put_on(world);
         if let Some(displacement) = &correction.displacement {
             displace(world, displacement);
         }

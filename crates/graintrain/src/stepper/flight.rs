@@ -9,14 +9,15 @@ use crate::world::World;
 /// The course of every body. One flies where nothing acts on it in the step but gravity: contacts exert no
 /// impulse in the contact problem (impacts come before it), no joint holds it, nothing is prescribed, there
 /// is no force (one that depends on the place needs x + dt u+, which is symplectic) and no drag, and no
-/// periodic cell takes it along. With these it is pushed.
+/// periodic cell that deforms takes it along. With these it is pushed.
 pub(super) fn courses(world: &World, contacts: &[Contact], attempt: &Attempt) -> Vec<Course> {
     let bodies = &world.bodies;
     let is_loaded = |body: usize| {
         let is_dragged = world.drag.get(body).is_some_and(|drag| drag.linear > 0.0 || drag.angular > 0.0);
         is_dragged || bodies.force[body] != Vec3::ZERO || bodies.torque[body] != Vec3::ZERO
     };
-    let course = |body: usize| match (world.is_free(body), world.cell().is_some() || is_loaded(body)) {
+    let deforms = world.cell().is_some_and(|cell| cell.is_driven() || cell.rate != [0.0; 6]);
+    let course = |body: usize| match (world.is_free(body), deforms || is_loaded(body)) {
         (false, _) => Course::Held,
         (true, false) => Course::Flies,
         (true, true) => Course::Pushed,

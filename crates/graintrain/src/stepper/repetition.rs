@@ -318,6 +318,7 @@ impl Stepper {
             world.bodies.velocity[body] = Vec3::from_slice(&v[..3]);
             world.bodies.angular_velocity[body] = Vec3::from_slice(&v[3..]);
         }
+        attempt.impacts.put_on(world);
         let Parameters { undetected, passed, .. } = self.parameters.repetition;
         let ahead = self.collider.meetings(world, step);
         let rows = contact_rows(world, &ahead);
@@ -325,7 +326,12 @@ impl Stepper {
         let past = self.flown_past(world, &ahead, (&attempt.velocity, &u));
         before.exchange(world);
         let known = identities(contacts);
+        let met =
+            |c: &Contact| [c.body_a, c.body_b].map(|body| attempt.impacts.shift_of(body)) != [Vec3::ZERO; 2];
         let meets = |((c, u), past): ((Contact, &[f64]), Contact)| {
+            if known.contains(&c.identity) && met(&c) {
+                return None;
+            }
             let depth = if known.contains(&c.identity) { passed } else { undetected };
             let size = self.collider.contact_size(world, &c);
             (past.gap == c.gap && c.gap.max(0.0) + step * u[0] < -depth * size).then_some(c)
@@ -639,6 +645,7 @@ fn carried_back(end: &Contact, world: &World, start: &Placement, attempt: &Attem
         on_b += cell.shift(image);
         speed_b += cell.image_velocity(image);
     }
-    let gap = end.gap - step * end.normal.dot(speed_a - speed_b);
+    let shift = attempt.impacts.shift_of(end.body_a) - attempt.impacts.shift_of(end.body_b);
+    let gap = end.gap - end.normal.dot(step * (speed_a - speed_b) + shift);
     Contact { point: 0.5 * (on_a + on_b), lead: 0.5 * (on_a - on_b), gap, image, ..*end }
 }

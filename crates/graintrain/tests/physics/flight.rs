@@ -1,6 +1,7 @@
 //! What nothing touches: parabolas, bounces and tumbling keep what they have to keep, at any step.
 
 use crate::support::*;
+use graintrain::cell::Cell;
 use graintrain::handle::MaterialId;
 use graintrain::math::{Mat3, Vec3};
 use graintrain::motion::{Motion, Profile};
@@ -14,10 +15,14 @@ fn default_stepper(step: f64) -> Stepper {
 
 #[test]
 fn a_throw_is_its_parabola() {
-    for step in [1e-3, 0.02] {
+    for (step, is_periodic) in [(1e-3, false), (0.02, false), (0.02, true)] {
         let mut world = world(0.3, 0.0);
         let start = Vec3::new(0.0, 0.0, 20.0);
         let ball = add_sphere(&mut world, 0.05, start);
+        if is_periodic {
+            let cell = Cell::new(Vec3::splat(-50.0), Vec3::splat(50.0), [true; 3]).unwrap();
+            world.set_cell(Some(cell)).unwrap();
+        }
         let velocity = Vec3::new(3.0, -1.0, 5.0);
         world.bodies.velocity[ball] = velocity;
         run(&mut default_stepper(step), &mut world, (1.0 / step).round() as usize);
@@ -40,6 +45,68 @@ fn a_ball_bounces_to_its_height_twenty_times() {
             let height = world.bodies.position[ball].z + world.bodies.velocity[ball].z.powi(2) / (2.0 * G);
             first = if first.is_finite() { first } else { height };
             assert!((height - first).abs() < 1e-10, "{step} s, bounce {bounces}: {height} for {first}");
+        }
+    }
+}
+
+/// Where a ball is after its bounces is where it would be if it had been followed through each of them: it
+/// falls until it touches, and rises from then on. (It began to rise with the step, up to two steps early.)
+#[test]
+fn bounces_keep_their_time() {
+    for (step, restitution) in [(1e-3, 1.0), (8e-3, 1.0), (7e-3, 0.8)] {
+        let mut world = world(0.3, restitution);
+        add_ground(&mut world, 0.0);
+        let ball = add_sphere(&mut world, 0.05, Vec3::new(0.0, 0.0, 0.55));
+        let mut stepper = default_stepper(step);
+        // Of the last touch, and the speed after it.
+        let (mut touch, mut speed) = ((1.0 / G).sqrt(), restitution * G.sqrt());
+        for k in 1..=(2.0 / step) as usize {
+            solved_step(&mut stepper, &mut world);
+            let time = k as f64 * step;
+            while time > touch + 2.0 * speed / G {
+                touch += 2.0 * speed / G;
+                speed *= restitution;
+            }
+            let since = time - touch;
+            let exact = if since < 0.0 {
+                0.5 - 0.5 * G * time * time
+            } else {
+                speed * since - 0.5 * G * since * since
+            };
+            let height = world.bodies.position[ball].z - 0.05;
+            assert!(
+                (height - exact).abs() < 1e-9,
+                "e = {restitution}, {step} s, step {k}: {height}, not {exact}"
+            );
+        }
+    }
+}
+
+/// Balls that meet off their centres go on as they were until they touch, and with what the impact gives them
+/// from then on, their turn included.
+#[test]
+fn balls_that_meet_go_on_as_they_were_until_they_touch() {
+    for (step, speed) in [(1e-3, 3.0), (1e-2, 3.0), (1e-2, 7.0)] {
+        for phase in 0..8 {
+            let mut world = world(0.4, 0.8);
+            world.gravity = Vec3::ZERO;
+            let start = Vec3::new(-0.08 - step * speed * (1.0 + f64::from(phase) / 8.0), 0.06, 0.0);
+            let pair = [start, Vec3::ZERO].map(|place| add_sphere(&mut world, 0.05, place));
+            world.bodies.velocity[pair[0]] = speed * Vec3::X;
+            run(&mut default_stepper(step), &mut world, 6);
+            // Centres are 0.1 m from each other then.
+            let touch = (-0.08 - start.x) / speed;
+            let bodies = &world.bodies;
+            for (body, before) in pair.into_iter().zip([speed * Vec3::X, Vec3::ZERO]) {
+                let from = if before == Vec3::ZERO { Vec3::ZERO } else { start };
+                let since = 6.0 * step - touch;
+                let exact = from + touch * before + since * bodies.velocity[body];
+                let off = (bodies.position[body] - exact).length();
+                assert!(off < 1e-9, "{step} s, {speed} m/s, phase {phase}: {off} m");
+                let turn = bodies.orientation[body].to_scaled_axis();
+                let off = (turn - since * bodies.angular_velocity[body]).length();
+                assert!(off < 1e-9 && turn.length() > 0.0, "{step} s, {speed} m/s, phase {phase}: {off} rad");
+            }
         }
     }
 }
