@@ -15,9 +15,8 @@
 //! A contact with a gap Phi touches only after it, at u_t^2 = u^2 + 2 a Phi under a relative acceleration a,
 //! and has lost the height Phi again when it is back where the step finds it: there it parts with
 //! `u'^2 = e^2 u_t^2 - 2 a Phi`, of which `at_start` makes the e_i above. So a ball that falls on what is
-//! held or rests reaches e^2 times its height at any step. Where the two meet nothing else, time is kept as
-//! well: they go on as they were until they touch, t after the start, and with v' from then on, as if they
-//! had begun the step `t (v' - v)` further back ([`Impacts::shift`]). Joints hold in impacts, motors with a limit and
+//! held or rests reaches e^2 times its height at any step. Balls that meet nothing else keep time as well
+//! (`touch`): they go on as they were until they touch, and with v' from then on. Joints hold in impacts, motors with a limit and
 //! springs have no time to act, and stops neither. Rolling and spinning friction act on lasting contact
 //! alone: their moments grow with the time that a contact takes, which an impact does not have. A collision
 //! that runs through a row of bodies (Newton's cradle) takes one pass per contact.
@@ -30,7 +29,10 @@
 //! Smith, D. Kaufman, E. Vouga, R. Tamstorf, E. Grinspun, "Reflections on simultaneous impact", ACM
 //! Transactions on Graphics 31(4):106, 2012.
 
-use crate::assemble::{pair_property, relative_velocities};
+mod touch;
+
+use self::touch::Touch;
+use crate::assemble::{of_each, pair_property, relative_velocities};
 use crate::cell::{COMPONENTS, Cell, moved_mass};
 use crate::cell_problem::CellRows;
 use crate::collide::Collider;
@@ -39,7 +41,6 @@ use crate::integrate::{free_velocity, free_velocity_of, velocities};
 use crate::joint::mechanism::coupled_in_impacts;
 use crate::math::Vec3;
 use crate::parts::{Part, parts};
-use crate::rotation::{is_isotropic, turned};
 use crate::stepper::RepetitionParameters as Repetition;
 use crate::world::World;
 use graintrain_ccp::{
@@ -89,8 +90,8 @@ pub(crate) struct Impacts {
     pub rate: [f64; 6],
     /// Impulse on body A of every contact, world axes, N s; empty where there was no impact.
     pub impulse: Vec<Vec3>,
-    /// Ways, m, and turns by which bodies end the step elsewhere than with `velocity` all the way, by body:
-    /// `t (v - v')` of those that meet one other one and nothing else, after t.
+    /// Ways, m, and turns by which bodies end the step elsewhere than with `velocity` all the way, in the
+    /// order of bodies.
     pub shift: Vec<(u32, [Vec3; 2])>,
     /// Contacts resolved, over all passes.
     pub count: usize,
@@ -107,6 +108,14 @@ pub(crate) struct Rows<'a> {
     pub contacts: &'a [Contact],
     pub rows: &'a [RigidContact],
     pub inverse_mass: &'a [BodyInverseMass],
+}
+
+/// What contacts do in impacts, one number each, and what bodies are held by.
+struct Laws<'a> {
+    restitution: Vec<f64>,
+    friction: Vec<f64>,
+    coupled: Vec<CoupledBodies>,
+    pressed: Option<Pressed<'a>>,
 }
 
 /// Solves the small problems of impacts.
@@ -132,24 +141,48 @@ impl ImpactSolver<'_> {
         of: Rows<'_>,
         step: f64,
     ) -> Result<Option<Impacts>, CcpError> {
-        let mut found = Impacts { velocity: velocities(world), ..Impacts::default() };
+        let mut velocity = velocities(world);
         let restitution = pair_property(world, of.contacts, |a, b| world.materials.pair_restitution(a, b));
         if restitution.iter().all(|&e| e == 0.0) {
-            return Ok(Some(found));
+            return Ok(Some(Impacts { velocity, ..Impacts::default() }));
         }
         let friction = pair_property(world, of.contacts, |a, b| world.materials.pair_friction(a, b));
         let pressed = Pressed::of(world, step);
+        let (coupled, projected) = along_joints(world, &mut velocity, step);
+        let timed = if pressed.is_none() {
+            touch::alone(world, self.collider, of.contacts, &coupled)
+        } else {
+            Vec::new()
+        };
+        let laws = Laws { restitution, friction, coupled, pressed };
+        let before = Impacts { velocity, ..Impacts::default() };
+        let Some(mut found) = self.passes(world, of, (&laws, &timed), before, step)? else {
+            return Ok(None);
+        };
+        for Projected { body, before, along } in projected {
+            let known = before.iter().zip(&along);
+            let velocity = found.velocity[6 * body..6 * body + 6].iter_mut();
+            velocity.zip(known).for_each(|(v, (before, along))| *v = before + (*v - along));
+        }
+        Ok(Some(found))
+    }
+
+    /// All passes from these velocities, with the time of those contacts kept that are `timed`.
+    fn passes(
+        &mut self,
+        world: &World,
+        of: Rows<'_>,
+        (laws, timed): (&Laws<'_>, &[bool]),
+        mut found: Impacts,
+        step: f64,
+    ) -> Result<Option<Impacts>, CcpError> {
+        let Laws { restitution, coupled, pressed, .. } = laws;
         let pushed = pressed.as_ref().map_or(0.0, Pressed::speed);
-        let slow: Vec<f64> = of
-            .contacts
-            .iter()
-            .map(|c| [c.body_a, c.body_b].map(|body| world.acceleration(body as usize)))
-            .map(|[a, b]| self.parameters.resting * (a.max(b) * step).max(pushed))
-            .collect();
-        let (coupled, projected) = along_joints(world, &mut found.velocity, step);
-        let alone = if pressed.is_none() { alone(world, of.contacts, &coupled) } else { Vec::new() };
-        let mut motion = Motion::of(world, of, (&coupled, pressed.as_ref()), &found.velocity, step);
-        // Bodies that go on as they were until then, s.
+        let slow = of_each(of.contacts, |c| {
+            let [a, b] = [c.body_a, c.body_b].map(|body| world.acceleration(body as usize));
+            self.parameters.resting * (a.max(b) * step).max(pushed)
+        });
+        let mut motion = Motion::of(world, of, (coupled, pressed.as_ref()), &found.velocity, step);
         let mut touched: Vec<(u32, f64)> = Vec::new();
         for pass in 0..=self.parameters.passes {
             let approaches =
@@ -163,7 +196,7 @@ impl ImpactSolver<'_> {
             let mut closing = self.meeting(world, of.contacts, &motion, closing, step);
             // What meets more others than that in a step meets the rest of them at once.
             if 2 * pass < self.parameters.passes {
-                closing = first_of_bodies(world, of.contacts, &coupled, &closing, (&motion.now, step));
+                closing = first_of_bodies(world, of.contacts, coupled, &closing, (&motion.now, step));
             }
             if pass == self.parameters.passes {
                 found.lowered += closing.len();
@@ -172,51 +205,30 @@ impl ImpactSolver<'_> {
             if closing.is_empty() {
                 break;
             }
-            if found.impulse.is_empty() {
-                found.impulse = vec![Vec3::ZERO; of.contacts.len()];
-            }
+            found.impulse.resize(of.contacts.len(), Vec3::ZERO);
             let mut moved = vec![false; world.bodies.len()];
-            let mut all = parts(of.rows, closing.iter().copied(), world.bodies.len(), &coupled);
+            let mut all = parts(of.rows, closing.iter().copied(), world.bodies.len(), coupled);
             if pressed.is_some() {
                 all = joined_by_cell(all, of.contacts);
             }
             for part in all {
-                let mut u = part.gather::<3, f64>(&motion.now);
-                let fall = |i: usize| motion.fall[i] / step * of.contacts[i].gap.max(0.0);
-                let parting = part.contacts.iter().zip(u.chunks_exact(3)).map(|(&i, u)| {
-                    let i = i as usize;
-                    at_start(restitution[i], u[0], fall(i))
-                });
-                let mut e: Vec<f64> = parting.collect();
-                let mut time = 0.0;
+                let mut arriving = motion.arriving(&part, of.contacts, restitution, step);
                 if let [i] = part.contacts[..]
-                    && let i = i as usize
-                    && alone.get(i) == Some(&true)
-                    && let touch = Touch::of(world, (&of.contacts[i], &of.rows[i]), &u, restitution[i], step)
-                    && let Some(touch) = touch
+                    && timed.get(i as usize) == Some(&true)
+                    && let Some(touch) = Touch::of(world, of, i, (&arriving.0, restitution), step)
                 {
-                    (u, e[0], time) = (touch.velocity.to_vec(), restitution[i], touch.time);
+                    arriving = (touch.velocity.to_vec(), vec![restitution[i as usize]]);
+                    touched.extend(part.bodies.iter().map(|&body| (body, touch.time)));
                 }
-                let cell = pressed.as_ref().map(|pressed| pressed.rows(&part, of));
-                let cell = cell.filter(|rows| !rows.is_empty());
-                let held = (coupled.as_slice(), cell.as_ref());
-                let Some(()) = self.solve(&part, (of, held), [&e, &friction], u, &mut found)? else {
+                let Some(()) = self.solve(&part, of, (laws, arriving), &mut found)? else {
                     return Ok(None);
                 };
                 part.bodies.iter().for_each(|&body| moved[body as usize] = true);
-                if time > 0.0 {
-                    touched.extend(part.bodies.iter().map(|&body| (body, time)));
-                }
             }
             motion.update(world, of, &found, step, &moved);
         }
-        for Projected { body, before, along } in projected {
-            let known = before.iter().zip(&along);
-            let velocity = found.velocity[6 * body..6 * body + 6].iter_mut();
-            velocity.zip(known).for_each(|(v, (before, along))| *v = before + (*v - along));
-        }
-        found.shift =
-            touched.into_iter().map(|touch| (touch.0, shift(world, &found.velocity, touch))).collect();
+        let shift = |touch: (u32, f64)| (touch.0, touch::shift(world, &found.velocity, touch));
+        found.shift = touched.into_iter().map(shift).collect();
         found.shift.sort_by_key(|&(body, _)| body);
         Ok(Some(found))
     }
@@ -264,22 +276,23 @@ impl ImpactSolver<'_> {
         of
     }
 
-    /// One part of a pass; `restitution` of the contacts of the part, `u` their velocities before it.
+    /// One part of a pass; `u` and `restitution` are the velocities before it and what comes back of them.
     fn solve(
         &mut self,
         part: &Part,
-        (of, (coupled, cell)): (Rows<'_>, (&[CoupledBodies], Option<&CellRows>)),
-        [restitution, friction]: [&[f64]; 2],
-        u: Vec<f64>,
+        of: Rows<'_>,
+        (laws, (u, restitution)): (&Laws<'_>, (Vec<f64>, Vec<f64>)),
         found: &mut Impacts,
     ) -> Result<Option<()>, CcpError> {
+        let Laws { friction, coupled, pressed, .. } = laws;
+        let cell = pressed.as_ref().map(|pressed| pressed.rows(part, of)).filter(|rows| !rows.is_empty());
         let mut delassus = part.delassus(of.rows, of.inverse_mass, coupled);
-        if let Some(cell) = cell {
+        if let Some(cell) = &cell {
             delassus = cell.put_into(delassus);
         }
         let plastic = Ccp::bare(Delassus::Rigid(delassus), u.clone(), part.gather::<1, f64>(friction));
         let mut elastic = plastic.clone();
-        for (u, e) in elastic.r.chunks_exact_mut(3).zip(restitution) {
+        for (u, e) in elastic.r.chunks_exact_mut(3).zip(&restitution) {
             u[0] *= 1.0 + e;
         }
         let Some(mut g) = self.impulses(&elastic, found)? else { return Ok(None) };
@@ -331,83 +344,6 @@ impl ImpactSolver<'_> {
         let report = self.solver.solve(matrix.as_ref().unwrap_or(problem), &mut g, &settings)?;
         found.residual = found.residual.worse(report.residual);
         Ok((report.status != Status::Stopped).then_some(g))
-    }
-}
-
-impl Impacts {
-    /// The way by which a body ends the step elsewhere, m.
-    pub(crate) fn shift_of(&self, body: u32) -> Vec3 {
-        let found = self.shift.binary_search_by_key(&body, |&(body, _)| body);
-        found.map_or(Vec3::ZERO, |k| self.shift[k].1[0])
-    }
-
-    /// Puts bodies where they end the step when they began as the world has them.
-    pub(crate) fn put_on(&self, world: &mut World) {
-        for &(body, [way, turn]) in &self.shift {
-            let body = body as usize;
-            world.bodies.position[body] += way;
-            world.bodies.orientation[body] = turned(world.bodies.orientation[body], turn);
-        }
-    }
-}
-
-/// What a body that touches at this time (s) does not follow of the velocities after it. Only of what has no
-/// axes of its own is the turn known: another body would spin otherwise after it.
-fn shift(world: &World, after: &[f64], (body, time): (u32, f64)) -> [Vec3; 2] {
-    let body = body as usize;
-    let bodies = &world.bodies;
-    let before = [bodies.velocity[body], bodies.angular_velocity[body]];
-    let [way, turn] = [0, 1].map(|k| time * (before[k] - Vec3::from_slice(&after[6 * body + 3 * k..][..3])));
-    [way, if is_isotropic(bodies.inertia[body]) { turn } else { Vec3::ZERO }]
-}
-
-/// Whether the free bodies of each contact have no other one, and no joint.
-fn alone(world: &World, contacts: &[Contact], coupled: &[CoupledBodies]) -> Vec<bool> {
-    let mut count = vec![0_usize; world.bodies.len()];
-    let linked = coupled.iter().flat_map(|mechanism| mechanism.bodies.iter().copied());
-    let touched = contacts.iter().flat_map(|contact| [contact.body_a, contact.body_b]);
-    linked.chain(touched).for_each(|body| count[body as usize] += 1);
-    let is_alone = |&body: &usize| world.is_prescribed(body) || world.is_free(body) && count[body] == 1;
-    contacts.iter().map(|c| [c.body_a, c.body_b].iter().all(|&body| is_alone(&(body as usize)))).collect()
-}
-
-/// When two bodies that nothing else holds touch within a step and part for good in it.
-struct Touch {
-    /// s after its start.
-    time: f64,
-    /// Of the contact then, m/s.
-    velocity: [f64; 3],
-}
-
-impl Touch {
-    /// That of a contact with a gap Phi (m) and the velocity u (m/s) under the acceleration a of its bodies
-    /// (m/s^2): u_n(t)^2 = u_n^2 - 2 a_n Phi at t = 2 Phi / |u_n + u_n(t)|. `None` where the acceleration
-    /// turns them back before the end of the step.
-    fn of(
-        world: &World,
-        (contact, row): (&Contact, &RigidContact),
-        u: &[f64],
-        restitution: f64,
-        step: f64,
-    ) -> Option<Self> {
-        let of_body = |body: u32| {
-            let (body, bodies) = (body as usize, &world.bodies);
-            if world.is_free(body) {
-                world.gravity + bodies.force[body] / bodies.mass[body]
-            } else {
-                Vec3::ZERO
-            }
-        };
-        let a = of_body(contact.body_a) - of_body(contact.body_b);
-        let a = row.frame.map(|axis| Vec3::from_array(axis).dot(a));
-        let square = u[0] * u[0] - 2.0 * a[0] * contact.gap;
-        if contact.gap <= 0.0 || square <= 0.0 {
-            return None;
-        }
-        let time = 2.0 * contact.gap / (square.sqrt() - u[0]);
-        let velocity = [0, 1, 2].map(|k| u[k] + time * a[k]);
-        let parts = a[0] * (step - time) >= restitution * velocity[0];
-        (time < step && parts).then_some(Self { time, velocity })
     }
 }
 
@@ -540,6 +476,23 @@ impl Motion {
         let falling = in_cell(usize::from(!is_carried), &falling);
         let fall = now.iter().zip(&falling).step_by(3).map(|(now, falling)| now - falling).collect();
         Self { free, driven, now, later, fall, cells, rate: [0.0; 6] }
+    }
+
+    /// Velocities at which the contacts of a part close now, three numbers each, and the restitutions with
+    /// which they part at the start of the step.
+    fn arriving(
+        &self,
+        part: &Part,
+        contacts: &[Contact],
+        restitution: &[f64],
+        step: f64,
+    ) -> (Vec<f64>, Vec<f64>) {
+        let parting = part.contacts.iter().map(|&i| {
+            let i = i as usize;
+            let fall = self.fall[i] / step * contacts[i].gap.max(0.0);
+            at_start(restitution[i], self.now[3 * i], fall)
+        });
+        (part.gather::<3, f64>(&self.now), parting.collect())
     }
 
     /// Normal velocities of a contact: now, and after the step if no contact acted.

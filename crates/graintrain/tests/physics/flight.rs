@@ -94,9 +94,16 @@ fn balls_that_meet_go_on_as_they_were_until_they_touch() {
             let pair = [start, Vec3::ZERO].map(|place| add_sphere(&mut world, 0.05, place));
             world.bodies.velocity[pair[0]] = speed * Vec3::X;
             run(&mut default_stepper(step), &mut world, 6);
+            let bodies = &world.bodies;
+            let of = |k: usize| {
+                let orbit = bodies.mass[k] * bodies.position[k].cross(bodies.velocity[k]);
+                orbit + bodies.inertia[k] * bodies.angular_velocity[k]
+            };
+            let [before, after] = [bodies.mass[0] * start.cross(speed * Vec3::X), of(pair[0]) + of(pair[1])];
+            let off = (after - before).length();
+            assert!(off < 1e-12 * before.length(), "{step} s, {speed} m/s, phase {phase}: {off} kg m^2/s");
             // Centres are 0.1 m from each other then.
             let touch = (-0.08 - start.x) / speed;
-            let bodies = &world.bodies;
             for (body, before) in pair.into_iter().zip([speed * Vec3::X, Vec3::ZERO]) {
                 let from = if before == Vec3::ZERO { Vec3::ZERO } else { start };
                 let since = 6.0 * step - touch;

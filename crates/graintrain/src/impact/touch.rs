@@ -1,0 +1,108 @@
+//! When in a step two balls touch that meet nothing else: they go on as they were until then, and as the
+//! impact leaves them from then on.
+//!
+//! An impulse that acts at the time t instead of at the start leaves bodies where they would be if they had
+//! begun the step elsewhere, with the velocities v' after it:
+//!
+//! ```text
+//! x + t u + (dt - t) u' = x + dt u' + t (u - u'),        turns: t (w - w')
+//! ```
+//!
+//! which holds under gravity, too, with the velocities at the touch in the law of impact. Normal and arms of
+//! balls at the touch are known ([`lead_to_surfaces`](super::lead_to_surfaces)). Other bodies have those of the
+//! start, with which two of them would not keep their angular momentum, and walls would catch what tumbles: of
+//! them an impulse acts at the start.
+
+use super::{Impacts, Rows};
+use crate::collide::Collider;
+use crate::contact::Contact;
+use crate::math::Vec3;
+use crate::rotation::{is_isotropic, turned};
+use crate::world::World;
+use graintrain_ccp::CoupledBodies;
+
+impl Impacts {
+    /// The way by which a body ends the step elsewhere, m.
+    pub(crate) fn shift_of(&self, body: u32) -> Vec3 {
+        let found = self.shift.binary_search_by_key(&body, |&(body, _)| body);
+        found.map_or(Vec3::ZERO, |k| self.shift[k].1[0])
+    }
+
+    /// Puts bodies where they end the step when they began as the world has them.
+    pub(crate) fn put_on(&self, world: &mut World) {
+        for &(body, [way, turn]) in &self.shift {
+            let (body, bodies) = (body as usize, &mut world.bodies);
+            bodies.position[body] += way;
+            bodies.orientation[body] = turned(bodies.orientation[body], turn);
+        }
+    }
+}
+
+/// What a body that touches at this time (s) does not follow of the velocities after it. Of a ball whose mass
+/// is not evenly spread the turn is left out: turned, it would have another energy.
+pub(super) fn shift(world: &World, after: &[f64], (body, time): (u32, f64)) -> [Vec3; 2] {
+    let (body, bodies) = (body as usize, &world.bodies);
+    let before = [bodies.velocity[body], bodies.angular_velocity[body]];
+    let [way, turn] = [0, 1].map(|k| time * (before[k] - Vec3::from_slice(&after[6 * body + 3 * k..][..3])));
+    [way, if is_isotropic(bodies.inertia[body]) { turn } else { Vec3::ZERO }]
+}
+
+/// Whether each contact is one of balls, or of a ball and what is driven, that have no other one and no joint.
+pub(super) fn alone(
+    world: &World,
+    collider: &Collider,
+    contacts: &[Contact],
+    coupled: &[CoupledBodies],
+) -> Vec<bool> {
+    let mut count = vec![0_usize; world.bodies.len()];
+    let linked = coupled.iter().flat_map(|mechanism| mechanism.bodies.iter().copied());
+    let touched = contacts.iter().flat_map(|contact| [contact.body_a, contact.body_b]);
+    linked.chain(touched).for_each(|body| count[body as usize] += 1);
+    let is_alone = |body: u32| {
+        let k = body as usize;
+        world.is_prescribed(k) || world.is_free(k) && count[k] == 1 && collider.is_ball(world, k)
+    };
+    contacts.iter().map(|c| is_alone(c.body_a) && is_alone(c.body_b)).collect()
+}
+
+/// When two bodies that nothing else holds touch within a step and part for good in it.
+pub(super) struct Touch {
+    /// s after its start.
+    pub time: f64,
+    /// Of the contact then, m/s.
+    pub velocity: [f64; 3],
+}
+
+impl Touch {
+    /// That of a contact (its index) with a gap Phi (m) and the velocity u (m/s) under the acceleration a of
+    /// its bodies (m/s^2): u_n(t)^2 = u_n^2 - 2 a_n Phi at t = 2 Phi / |u_n + u_n(t)|. `None` where the acceleration
+    /// turns them back before the end of the step.
+    pub(super) fn of(
+        world: &World,
+        of: Rows<'_>,
+        index: u32,
+        (u, restitution): (&[f64], &[f64]),
+        step: f64,
+    ) -> Option<Self> {
+        let index = index as usize;
+        let (contact, row) = (&of.contacts[index], &of.rows[index]);
+        let of_body = |body: u32| {
+            let (body, bodies) = (body as usize, &world.bodies);
+            if world.is_free(body) {
+                world.gravity + bodies.force[body] / bodies.mass[body]
+            } else {
+                Vec3::ZERO
+            }
+        };
+        let a = of_body(contact.body_a) - of_body(contact.body_b);
+        let a = row.frame.map(|axis| Vec3::from_array(axis).dot(a));
+        let square = u[0] * u[0] - 2.0 * a[0] * contact.gap;
+        if contact.gap <= 0.0 || square <= 0.0 {
+            return None;
+        }
+        let time = 2.0 * contact.gap / (square.sqrt() - u[0]);
+        let velocity = [0, 1, 2].map(|k| u[k] + time * a[k]);
+        let parts = a[0] * (step - time) >= restitution[index] * velocity[0];
+        (time < step && parts).then_some(Self { time, velocity })
+    }
+}
