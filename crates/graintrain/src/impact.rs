@@ -16,10 +16,10 @@
 //! and has lost the height Phi again when it is back where the step finds it: there it parts with
 //! `u'^2 = e^2 u_t^2 - 2 a Phi`, of which `at_start` makes the e_i above. So a ball that falls on what is
 //! held or rests reaches e^2 times its height at any step. Balls that meet nothing else keep time as well
-//! (`touch`): they go on as they were until they touch, and with v' from then on. Joints hold in impacts, motors with a limit and
-//! springs have no time to act, and stops neither. Rolling and spinning friction act on lasting contact
-//! alone: their moments grow with the time that a contact takes, which an impact does not have. A collision
-//! that runs through a row of bodies (Newton's cradle) takes one pass per contact.
+//! (`touch`): they go on as they were until they touch, and with v' from then on. Joints hold in impacts,
+//! motors with a limit and springs have no time to act, and stops neither. Rolling and spinning friction act
+//! on lasting contact alone: their moments grow with the time that a contact takes, which an impact does not
+//! have. A collision that runs through a row of bodies (Newton's cradle) takes one pass per contact.
 //!
 //! Without friction and with one e_i for all contacts a pass cannot make energy (J. J. Moreau, "Unilateral
 //! contact and dry friction in finite freedom dynamics", 1988: e = 1 keeps it exactly); with friction, or

@@ -9,9 +9,9 @@
 //! ```
 //!
 //! which holds under gravity, too, with the velocities at the touch in the law of impact. Normal and arms of
-//! balls at the touch are known ([`lead_to_surfaces`](super::lead_to_surfaces)). Other bodies have those of the
-//! start, with which two of them would not keep their angular momentum, and walls would catch what tumbles: of
-//! them an impulse acts at the start.
+//! balls at the touch are known ([`lead_to_surfaces`](super::lead_to_surfaces)). Other bodies have those of
+//! the start, with which two of them would not keep their angular momentum, and walls would catch what
+//! tumbles: of them an impulse acts at the start.
 
 use super::{Impacts, Rows};
 use crate::collide::Collider;
@@ -47,7 +47,8 @@ pub(super) fn shift(world: &World, after: &[f64], (body, time): (u32, f64)) -> [
     [way, if is_isotropic(bodies.inertia[body]) { turn } else { Vec3::ZERO }]
 }
 
-/// Whether each contact is one of balls, or of a ball and what is driven, that have no other one and no joint.
+/// Whether each contact is one of balls, or of a ball and what is driven, that have no other one and no
+/// joint.
 pub(super) fn alone(
     world: &World,
     collider: &Collider,
@@ -75,8 +76,8 @@ pub(super) struct Touch {
 
 impl Touch {
     /// That of a contact (its index) with a gap Phi (m) and the velocity u (m/s) under the acceleration a of
-    /// its bodies (m/s^2): u_n(t)^2 = u_n^2 - 2 a_n Phi at t = 2 Phi / |u_n + u_n(t)|. `None` where the acceleration
-    /// turns them back before the end of the step.
+    /// its bodies (m/s^2): u_n(t)^2 = u_n^2 - 2 a_n Phi at t = 2 Phi / |u_n + u_n(t)|. `None` where the
+    /// acceleration turns them back before the end of the step.
     pub(super) fn of(
         world: &World,
         of: Rows<'_>,
