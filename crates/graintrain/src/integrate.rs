@@ -190,9 +190,9 @@ fn inverse_mass_with(world: &World, added: impl Fn(usize) -> [f64; 2] + Sync) ->
 /// How a body goes through a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Course {
-    /// Nothing acts on it but gravity.
+    /// Nothing acts on it but gravity and forces that depend on time alone.
     Flies,
-    /// Loads act on it, and nothing else but gravity.
+    /// Other loads act on it as well, and nothing else.
     Pushed,
     /// Contacts press on it, and no joint holds it.
     Touched,

@@ -232,18 +232,39 @@ pub(crate) fn remove(world: &mut World, before: Unloaded, was_made: bool) {
     }
 }
 
+/// The sum of the forces on every body, N, in the step from now that depend on time alone: neither on place
+/// nor on orientation.
+pub(crate) fn steady_forces(world: &World, step: f64) -> Vec<Vec3> {
+    let mut sum = vec![Vec3::ZERO; world.bodies.len()];
+    for load in world.loads.iter().filter(|load| load.is_steady()) {
+        let mean = load.action.mean(world.time, step);
+        let mut add = |body: usize| {
+            if !world.is_prescribed(body) {
+                sum[body] += load.action.on(world, body, mean).0;
+            }
+        };
+        match &load.bodies {
+            Some(bodies) => bodies.iter().for_each(|body| add(body.index())),
+            None => (0..world.bodies.len()).for_each(add),
+        }
+    }
+    sum
+}
+
 impl Load {
+    /// Whether its force depends on time alone.
+    fn is_steady(&self) -> bool {
+        let of_time = match &self.action {
+            Action::Force { axes, .. } => *axes == Axes::World,
+            Action::Uniform { .. } => true,
+            Action::Torque { .. } | Action::Central { .. } | Action::Drag { .. } => false,
+        };
+        of_time && self.region.is_none()
+    }
+
     /// Adds the load to the bodies' forces and torques, or to their drag.
     fn apply(&self, world: &mut World, step: f64) {
-        let time = world.time;
-        // Functions of time are the same for all bodies.
-        let mean = match &self.action {
-            Action::Force { terms, .. } | Action::Torque { terms, .. } => mean_of(terms, time, step),
-            Action::Uniform { acceleration } => {
-                Vec3::from_array(acceleration.each_ref().map(|profile| profile.mean(time, step)))
-            }
-            Action::Central { .. } | Action::Drag { .. } => Vec3::ZERO,
-        };
+        let mean = self.action.mean(world.time, step);
         match &self.bodies {
             Some(bodies) => {
                 bodies.iter().for_each(|body| self.apply_to(world, body.index(), mean));
@@ -273,6 +294,17 @@ impl Load {
 }
 
 impl Action {
+    /// Means over the step of what is a function of time, the same for all bodies.
+    fn mean(&self, time: f64, step: f64) -> Vec3 {
+        match self {
+            Self::Force { terms, .. } | Self::Torque { terms, .. } => mean_of(terms, time, step),
+            Self::Uniform { acceleration } => {
+                Vec3::from_array(acceleration.each_ref().map(|profile| profile.mean(time, step)))
+            }
+            Self::Central { .. } | Self::Drag { .. } => Vec3::ZERO,
+        }
+    }
+
     /// Force and torque about the centre of mass, world axes, on a body with a mass; none for drag, which has
     /// a step of its own.
     fn on(&self, world: &World, body: usize, mean: Vec3) -> (Vec3, Vec3) {

@@ -255,7 +255,7 @@ impl Stepper {
         let contacts = &rounds.contacts;
         let size = of_each(contacts, |c| self.collider.contact_size(world, c));
         let mut correction = self.correct(world, contacts, &attempt, &size);
-        let courses = courses(world, contacts, &attempt);
+        let courses = courses(world, contacts, &attempt, step);
         let velocities = [&attempt.impacts.velocity, attempt.velocity.as_slice()];
         let (kicked, lost) = advance(world, velocities, &courses, step);
         attempt.impacts.put_on(world);

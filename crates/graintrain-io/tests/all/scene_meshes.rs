@@ -131,8 +131,8 @@ fn meshes_that_bound_no_solid_are_reported() {
 const EARLY: u64 = 120;
 
 /// What is measured at the wheel in every step (pull, load carried, torque about the axis, height of the
-/// axle), the hash of the state after the step [`EARLY`], and the world at the end. One step in `budgeted` may
-/// end at its budget.
+/// axle), the hash of the state after the step [`EARLY`], and the world at the end. One step in `budgeted`
+/// may end at its budget.
 fn run(simulation: Simulation, steps: u64, budgeted: u64) -> (Vec<[f64; 4]>, u64, World) {
     let mut world = simulation.world;
     let wheel = wheel_of(&world);

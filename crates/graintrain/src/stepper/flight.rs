@@ -3,18 +3,25 @@
 use super::attempt::Attempt;
 use crate::contact::Contact;
 use crate::integrate::Course;
+use crate::load;
 use crate::math::Vec3;
 use crate::world::World;
 
-/// The course of every body. One flies where nothing acts on it in the step but gravity: contacts exert no
-/// impulse in the contact problem (impacts come before it), no joint holds it, nothing is prescribed, there
-/// is no force (one that depends on the place needs x + dt u+, which is symplectic) and no drag, and no
-/// periodic cell that deforms takes it along. With these it is pushed.
-pub(super) fn courses(world: &World, contacts: &[Contact], attempt: &Attempt) -> Vec<Course> {
+/// The course of every body. One flies where nothing acts on it in the step but gravity and forces that
+/// depend on time alone: contacts exert no impulse in the contact problem (impacts come before it), no joint
+/// holds it, nothing is prescribed, there is no torque, no other force (one that depends on the place needs x
+/// + dt u+, which is symplectic) and no drag, and no periodic cell that deforms takes it along. With these it
+/// is pushed.
+pub(super) fn courses(world: &World, contacts: &[Contact], attempt: &Attempt, step: f64) -> Vec<Course> {
     let bodies = &world.bodies;
+    let mut steady = Vec::new();
+    if bodies.force.iter().any(|force| *force != Vec3::ZERO) {
+        steady = load::steady_forces(world, step);
+    }
     let is_loaded = |body: usize| {
         let is_dragged = world.drag.get(body).is_some_and(|drag| drag.linear > 0.0 || drag.angular > 0.0);
-        is_dragged || bodies.force[body] != Vec3::ZERO || bodies.torque[body] != Vec3::ZERO
+        let is_steady = bodies.force[body] == steady.get(body).copied().unwrap_or_default();
+        is_dragged || !is_steady || bodies.torque[body] != Vec3::ZERO
     };
     let deforms = world.cell().is_some_and(|cell| cell.is_driven() || cell.rate != [0.0; 6]);
     let course = |body: usize| match (world.is_free(body), deforms || is_loaded(body)) {

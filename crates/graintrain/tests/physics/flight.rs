@@ -3,6 +3,7 @@
 use crate::support::*;
 use graintrain::cell::Cell;
 use graintrain::handle::MaterialId;
+use graintrain::load::{Action, Load};
 use graintrain::math::{Mat3, Vec3};
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
@@ -15,8 +16,10 @@ fn default_stepper(step: f64) -> Stepper {
 
 #[test]
 fn a_throw_is_its_parabola() {
-    for (step, is_periodic) in [(1e-3, false), (0.02, false), (0.02, true)] {
+    for (step, is_periodic, wind) in [(1e-3, false, 0.0), (0.02, false, 0.7), (0.02, true, 0.0)] {
         let mut world = world(0.3, 0.0);
+        let acceleration = [wind, 0.0, 0.0].map(Profile::Constant);
+        world.add_load(Load::on_all(Action::Uniform { acceleration })).unwrap();
         let start = Vec3::new(0.0, 0.0, 20.0);
         let ball = add_sphere(&mut world, 0.05, start);
         if is_periodic {
@@ -26,7 +29,7 @@ fn a_throw_is_its_parabola() {
         let velocity = Vec3::new(3.0, -1.0, 5.0);
         world.bodies.velocity[ball] = velocity;
         run(&mut default_stepper(step), &mut world, (1.0 / step).round() as usize);
-        let exact = start + velocity - 0.5 * G * Vec3::Z;
+        let exact = start + velocity + 0.5 * Vec3::new(wind, 0.0, -G);
         assert!((world.bodies.position[ball] - exact).length() < 1e-11, "{}", world.bodies.position[ball]);
     }
 }
