@@ -626,7 +626,8 @@ fn pushes(
 /// ```
 ///
 /// so that Phi' + dt u_n+ is the gap at the end to first order in the change of velocity: Newton's method on
-/// the gap of the end.
+/// the gap of the end. Less what the end owes to a touch late in the step: with another contact they have
+/// none that counts.
 fn carried_back(end: &Contact, world: &World, start: &Placement, attempt: &Attempt, step: f64) -> Contact {
     let half = 0.5 * end.gap * end.normal;
     let side = |body: u32, at_end: Vec3| {
@@ -646,6 +647,6 @@ fn carried_back(end: &Contact, world: &World, start: &Placement, attempt: &Attem
         speed_b += cell.image_velocity(image);
     }
     let shift = attempt.impacts.shift_of(end.body_a) - attempt.impacts.shift_of(end.body_b);
-    let gap = end.gap - end.normal.dot(step * (speed_a - speed_b) + shift);
+    let gap = end.gap - step * end.normal.dot(speed_a - speed_b) - end.normal.dot(shift);
     Contact { point: 0.5 * (on_a + on_b), lead: 0.5 * (on_a - on_b), gap, image, ..*end }
 }
