@@ -228,7 +228,7 @@ const CELL: &[Column] = &[
     column("strain_xy", "1", "shear strain since the beginning"),
     column("strain_xz", "1", "likewise"),
     column("strain_yz", "1", "likewise"),
-    column("rate_xx", "1/s", "velocity gradient of the step, positive where stretched"),
+    column("rate_xx", "1/s", "velocity gradient at the end of the step, positive where stretched"),
     column("rate_yy", "1/s", "likewise"),
     column("rate_zz", "1/s", "likewise"),
     column("rate_xy", "1/s", "velocity along x per way along y"),

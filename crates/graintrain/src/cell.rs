@@ -235,6 +235,11 @@ impl Cell {
         self.drive.iter().any(|drive| *drive != Drive::HELD)
     }
 
+    /// Whether it changes in the step, or is driven and may.
+    pub(crate) fn deforms(&self) -> bool {
+        self.is_driven() || self.rate != [0.0; 6]
+    }
+
     /// The centre, m, which stays where it is.
     pub fn centre(&self) -> Vec3 {
         self.lower + 0.5 * self.size

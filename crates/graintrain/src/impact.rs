@@ -31,7 +31,7 @@
 
 mod touch;
 
-use self::touch::Touch;
+use self::touch::{Shift, Touch};
 use crate::assemble::{of_each, pair_property, relative_velocities};
 use crate::cell::{COMPONENTS, Cell, moved_mass};
 use crate::cell_problem::CellRows;
@@ -90,9 +90,8 @@ pub(crate) struct Impacts {
     pub rate: [f64; 6],
     /// Impulse on body A of every contact, world axes, N s; empty where there was no impact.
     pub impulse: Vec<Vec3>,
-    /// Ways, m, and turns by which bodies end the step elsewhere than with `velocity` all the way, in the
-    /// order of bodies.
-    pub shift: Vec<(u32, [Vec3; 2])>,
+    /// Bodies that end the step elsewhere than with `velocity` all the way, in their order.
+    pub shift: Vec<Shift>,
     /// Contacts resolved, over all passes.
     pub count: usize,
     /// Parts in which restitution was lowered, because it would have made energy, and contacts that still
@@ -149,11 +148,7 @@ impl ImpactSolver<'_> {
         let friction = pair_property(world, of.contacts, |a, b| world.materials.pair_friction(a, b));
         let pressed = Pressed::of(world, step);
         let (coupled, projected) = along_joints(world, &mut velocity, step);
-        let timed = if pressed.is_none() {
-            touch::alone(world, self.collider, of.contacts, &coupled)
-        } else {
-            Vec::new()
-        };
+        let timed = touch::alone(world, self.collider, of.contacts, &coupled, step);
         let laws = Laws { restitution, friction, coupled, pressed };
         let before = Impacts { velocity, ..Impacts::default() };
         let Some(mut found) = self.passes(world, of, (&laws, &timed), before, step)? else {
@@ -227,9 +222,8 @@ impl ImpactSolver<'_> {
             }
             motion.update(world, of, &found, step, &moved);
         }
-        let shift = |touch: (u32, f64)| (touch.0, touch::shift(world, &found.velocity, touch));
-        found.shift = touched.into_iter().map(shift).collect();
-        found.shift.sort_by_key(|&(body, _)| body);
+        found.shift = touched.into_iter().map(|touch| Shift::of(world, &found.velocity, touch)).collect();
+        found.shift.sort_by_key(|shift| shift.body);
         Ok(Some(found))
     }
 

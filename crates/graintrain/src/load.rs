@@ -232,23 +232,32 @@ pub(crate) fn remove(world: &mut World, before: Unloaded, was_made: bool) {
     }
 }
 
-/// The sum of the forces on every body, N, in the step from now that depend on time alone: neither on place
-/// nor on orientation.
-pub(crate) fn steady_forces(world: &World, step: f64) -> Vec<Vec3> {
-    let mut sum = vec![Vec3::ZERO; world.bodies.len()];
+/// The bodies on which more acts in the step from now than gravity and forces that depend on time alone: a
+/// torque, drag, a force that depends on place or orientation, or one that a program has set; none: empty.
+pub(crate) fn pushed(world: &World, step: f64) -> Vec<bool> {
+    let bodies = &world.bodies;
+    let acts = |force: &Vec3| *force != Vec3::ZERO;
+    if world.drag.is_empty() && !bodies.force.iter().any(acts) && !bodies.torque.iter().any(acts) {
+        return Vec::new();
+    }
+    let mut steady = vec![Vec3::ZERO; bodies.len()];
     for load in world.loads.iter().filter(|load| load.is_steady()) {
         let mean = load.action.mean(world.time, step);
         let mut add = |body: usize| {
             if !world.is_prescribed(body) {
-                sum[body] += load.action.on(world, body, mean).0;
+                steady[body] += load.action.on(world, body, mean).0;
             }
         };
         match &load.bodies {
             Some(bodies) => bodies.iter().for_each(|body| add(body.index())),
-            None => (0..world.bodies.len()).for_each(add),
+            None => (0..bodies.len()).for_each(add),
         }
     }
-    sum
+    let is_pushed = |body: usize| {
+        let is_dragged = world.drag.get(body).is_some_and(|drag| drag.linear > 0.0 || drag.angular > 0.0);
+        is_dragged || acts(&bodies.torque[body]) || bodies.force[body] != steady[body]
+    };
+    (0..bodies.len()).map(is_pushed).collect()
 }
 
 impl Load {

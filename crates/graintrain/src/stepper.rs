@@ -140,7 +140,8 @@ impl Stepper {
     /// ```
     ///
     /// Angular momentum changes by the moments of impulses alone, or less where that would make energy. What
-    /// nothing touches flies: x+ = x + dt (u' + u+) / 2.
+    /// nothing touches flies: x+ = x + dt (u' + u+) / 2; balls with one impact have u before its time t: x+
+    /// is further by t (u - u').
     ///
     /// Then all pairs are looked at where they are now. Where bodies overlap that were no contacts, or far
     /// more than their contact foresaw, the step is taken back and made again with what was seen, until there

@@ -14,37 +14,73 @@
 //! tumbles: of them an impulse acts at the start.
 
 use super::{Impacts, Rows};
+use crate::cell::Cell;
 use crate::collide::Collider;
 use crate::contact::Contact;
+use crate::load;
 use crate::math::Vec3;
 use crate::rotation::{is_isotropic, turned};
 use crate::world::World;
 use graintrain_ccp::CoupledBodies;
 
+/// Where a body ends the step elsewhere than with the velocities after its impacts all the way.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shift {
+    pub body: u32,
+    /// When it touches, s after the start.
+    time: f64,
+    /// m
+    way: Vec3,
+    turn: Vec3,
+}
+
+impl Shift {
+    /// That of a body which touches at this time (s), with the velocities `after`, six numbers per body. Of a
+    /// ball whose mass is not evenly spread the turn is left out: turned, it would have another energy.
+    pub(super) fn of(world: &World, after: &[f64], (body, time): (u32, f64)) -> Self {
+        let (k, bodies) = (body as usize, &world.bodies);
+        let lost =
+            |before: Vec3, part: usize| time * (before - Vec3::from_slice(&after[6 * k + part..][..3]));
+        let turn =
+            if is_isotropic(bodies.inertia[k]) { lost(bodies.angular_velocity[k], 3) } else { Vec3::ZERO };
+        Self { body, time, way: lost(bodies.velocity[k], 0), turn }
+    }
+}
+
 impl Impacts {
+    fn shift(&self, body: u32) -> Option<&Shift> {
+        self.shift.binary_search_by_key(&body, |shift| shift.body).ok().map(|k| &self.shift[k])
+    }
+
     /// The way by which a body ends the step elsewhere, m.
     pub(crate) fn shift_of(&self, body: u32) -> Vec3 {
-        let found = self.shift.binary_search_by_key(&body, |&(body, _)| body);
-        found.map_or(Vec3::ZERO, |k| self.shift[k].1[0])
+        self.shift(body).map_or(Vec3::ZERO, |shift| shift.way)
+    }
+
+    /// When the bodies of a contact have their velocities after the impacts, s after the start.
+    pub(crate) fn last_touch(&self, contact: &Contact) -> f64 {
+        let times =
+            [contact.body_a, contact.body_b].map(|body| self.shift(body).map_or(0.0, |shift| shift.time));
+        times[0].max(times[1])
     }
 
     /// Puts bodies where they end the step when they began as the world has them.
     pub(crate) fn put_on(&self, world: &mut World) {
-        for &(body, [way, turn]) in &self.shift {
-            let (body, bodies) = (body as usize, &mut world.bodies);
-            bodies.position[body] += way;
-            bodies.orientation[body] = turned(bodies.orientation[body], turn);
+        for shift in &self.shift {
+            let (body, bodies) = (shift.body as usize, &mut world.bodies);
+            bodies.position[body] += shift.way;
+            bodies.orientation[body] = turned(bodies.orientation[body], shift.turn);
         }
     }
-}
 
-/// What a body that touches at this time (s) does not follow of the velocities after it. Of a ball whose mass
-/// is not evenly spread the turn is left out: turned, it would have another energy.
-pub(super) fn shift(world: &World, after: &[f64], (body, time): (u32, f64)) -> [Vec3; 2] {
-    let (body, bodies) = (body as usize, &world.bodies);
-    let before = [bodies.velocity[body], bodies.angular_velocity[body]];
-    let [way, turn] = [0, 1].map(|k| time * (before[k] - Vec3::from_slice(&after[6 * body + 3 * k..][..3])));
-    [way, if is_isotropic(bodies.inertia[body]) { turn } else { Vec3::ZERO }]
+    /// Puts the points of contacts where they were when their bodies began the step as they go on.
+    pub(crate) fn carry(&self, contacts: &mut [Contact]) {
+        for contact in contacts.iter_mut().filter(|_| !self.shift.is_empty()) {
+            let [a, b] = [contact.body_a, contact.body_b].map(|body| self.shift_of(body));
+            contact.point += 0.5 * (a + b);
+            contact.lead += 0.5 * (a - b);
+        }
+    }
 }
 
 /// Whether each contact is one of balls, or of a ball and what is driven, that have no other one and no
@@ -54,14 +90,20 @@ pub(super) fn alone(
     collider: &Collider,
     contacts: &[Contact],
     coupled: &[CoupledBodies],
+    step: f64,
 ) -> Vec<bool> {
+    if world.cell().is_some_and(Cell::deforms) {
+        return Vec::new();
+    }
+    let pushed = load::pushed(world, step);
     let mut count = vec![0_usize; world.bodies.len()];
     let linked = coupled.iter().flat_map(|mechanism| mechanism.bodies.iter().copied());
     let touched = contacts.iter().flat_map(|contact| [contact.body_a, contact.body_b]);
     linked.chain(touched).for_each(|body| count[body as usize] += 1);
     let is_alone = |body: u32| {
         let k = body as usize;
-        world.is_prescribed(k) || world.is_free(k) && count[k] == 1 && collider.is_ball(world, k)
+        let flies = || world.is_free(k) && !pushed.get(k).copied().unwrap_or(false);
+        world.is_prescribed(k) || count[k] == 1 && flies() && collider.is_ball(world, k)
     };
     contacts.iter().map(|c| is_alone(c.body_a) && is_alone(c.body_b)).collect()
 }

@@ -191,7 +191,7 @@ impl Stepper {
         let begin = Clock::now();
         let errors = self.left_over(&contacts, &attempt, &size);
         let contacts = attempt.moved.take().unwrap_or(contacts);
-        let (set, with_force) = exerted(world, contacts, &attempt);
+        let (mut set, with_force) = exerted(world, contacts, &attempt);
         let Attempt { problem, posed, cell, impulse, joints, impacts, velocity, mut solve, parts, .. } =
             attempt;
         let wrenches = wrenches(&start.position, cell.as_ref(), world, &set, step);
@@ -206,6 +206,7 @@ impl Stepper {
         world.record_joints(&joints.states, step);
         let joint_opening_max = self.check(world, &impacts, &mut solve);
         solve.iterations = iterations;
+        impacts.carry(&mut set.contacts);
         world.contacts = set;
         world.time = after(world.time, step);
         world.step += 1;

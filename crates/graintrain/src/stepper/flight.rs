@@ -1,10 +1,10 @@
 //! How bodies go through a step.
 
 use super::attempt::Attempt;
+use crate::cell::Cell;
 use crate::contact::Contact;
 use crate::integrate::Course;
 use crate::load;
-use crate::math::Vec3;
 use crate::world::World;
 
 /// The course of every body. One flies where nothing acts on it in the step but gravity and forces that
@@ -13,23 +13,15 @@ use crate::world::World;
 /// + dt u+, which is symplectic) and no drag, and no periodic cell that deforms takes it along. With these it
 /// is pushed.
 pub(super) fn courses(world: &World, contacts: &[Contact], attempt: &Attempt, step: f64) -> Vec<Course> {
-    let bodies = &world.bodies;
-    let mut steady = Vec::new();
-    if bodies.force.iter().any(|force| *force != Vec3::ZERO) {
-        steady = load::steady_forces(world, step);
-    }
-    let is_loaded = |body: usize| {
-        let is_dragged = world.drag.get(body).is_some_and(|drag| drag.linear > 0.0 || drag.angular > 0.0);
-        let is_steady = bodies.force[body] == steady.get(body).copied().unwrap_or_default();
-        is_dragged || !is_steady || bodies.torque[body] != Vec3::ZERO
-    };
-    let deforms = world.cell().is_some_and(|cell| cell.is_driven() || cell.rate != [0.0; 6]);
-    let course = |body: usize| match (world.is_free(body), deforms || is_loaded(body)) {
-        (false, _) => Course::Held,
-        (true, false) => Course::Flies,
-        (true, true) => Course::Pushed,
-    };
-    let mut courses: Vec<Course> = (0..bodies.len()).map(course).collect();
+    let pushed = load::pushed(world, step);
+    let deforms = world.cell().is_some_and(Cell::deforms);
+    let course =
+        |body: usize| match (world.is_free(body), deforms || pushed.get(body).copied().unwrap_or(false)) {
+            (false, _) => Course::Held,
+            (true, false) => Course::Flies,
+            (true, true) => Course::Pushed,
+        };
+    let mut courses: Vec<Course> = (0..world.bodies.len()).map(course).collect();
     let mut touch = |contact: &Contact| {
         for body in [contact.body_a, contact.body_b] {
             courses[body as usize] = Course::Touched;

@@ -326,10 +326,10 @@ impl Stepper {
         let past = self.flown_past(world, &ahead, (&attempt.velocity, &u));
         before.exchange(world);
         let known = identities(contacts);
-        let met =
-            |c: &Contact| [c.body_a, c.body_b].map(|body| attempt.impacts.shift_of(body)) != [Vec3::ZERO; 2];
         let meets = |((c, u), past): ((Contact, &[f64]), Contact)| {
-            if known.contains(&c.identity) && met(&c) {
+            // A ball is on its way with its velocity of now since its touch only.
+            let touch = attempt.impacts.last_touch(&c);
+            if touch > 0.0 && c.gap + touch * u[0] < 0.0 {
                 return None;
             }
             let depth = if known.contains(&c.identity) { passed } else { undetected };

@@ -121,6 +121,35 @@ fn balls_that_meet_go_on_as_they_were_until_they_touch() {
     }
 }
 
+/// What lies behind a plate that a fast ball bounces off is not met, and the arm of the impulse is the
+/// radius. (The ball went on from behind the plate with the velocity after its touch.)
+#[test]
+fn nothing_is_met_behind_what_a_ball_bounces_off() {
+    let step = 1e-2;
+    for (speed, phase) in [(20.0, 0.9), (20.0, 0.2), (30.0, 0.9)] {
+        let mut world = world(0.0, 0.9);
+        world.gravity = Vec3::ZERO;
+        let plate = world.add_geometry(Geometry::cuboid(Vec3::new(1.0, 1.0, 0.005)).unwrap());
+        let fixed = world.add_motion(Motion::fixed()).unwrap();
+        for z in [-0.005, -0.055] {
+            let place = Vec3::new(0.0, 0.0, z);
+            world.add_body(Body { motion: fixed, ..Body::new(plate, MaterialId::default(), place) }).unwrap();
+        }
+        let start = 0.05 + step * speed * (1.0 + phase);
+        let ball = add_sphere(&mut world, 0.05, Vec3::new(0.0, 0.0, start));
+        world.bodies.velocity[ball].z = -speed;
+        let mut stepper = default_stepper(step);
+        run(&mut stepper, &mut world, 1);
+        assert_eq!(solved_step(&mut stepper, &mut world).impacts, 1);
+        assert_close(world.bodies.velocity[ball].z, 0.9 * speed, 1e-9, "speed");
+        let set = &world.contacts;
+        let pushing = set.contacts.iter().zip(&set.impulse).find(|(_, g)| **g != Vec3::ZERO).unwrap().0;
+        let side = usize::from(pushing.body_b as usize == ball);
+        let arm = world.arm_to(ball, pushing.surface_points()[side], step);
+        assert_close(arm.length(), 0.05, 1e-9, "arm");
+    }
+}
+
 /// A ball with e = 0.6 reaches e^2 times its height after every bounce, wherever in a step it touches, on a
 /// floor at rest and in the frame of one that rises.
 #[test]
