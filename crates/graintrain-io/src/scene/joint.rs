@@ -285,7 +285,7 @@ const OF_SLIDES: &[&str] = &["actuator", "spring", "travel"];
 pub(super) fn read(reader: &Reader, known: &[(String, JointSpec)]) -> Result<JointSpec, SceneError> {
     let spec = JointSpec::read(reader)?;
     let known: Vec<&str> = known.iter().map(|(name, _)| name.as_str()).collect();
-    names::list(reader, "joints", "joint above this one", &known)?;
+    names::chosen(reader, "joints", "joint above this one", &known)?;
     if !spec.joints.is_empty() && spec.joints.len() != 2 {
         return Err(reader.out_of_range("joints", "two names", spec.joints.len()));
     }

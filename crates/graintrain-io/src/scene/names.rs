@@ -60,25 +60,36 @@ pub(super) fn list(
     what: &str,
     known: &[impl AsRef<str>],
 ) -> Result<Vec<String>, SceneError> {
-    let Some(names) = reader.texts(key)? else { return Ok(Vec::new()) };
-    if names.is_empty() {
-        // Left out, the key means everything: a list that somebody's program left empty does not.
-        return Err(reader.out_of_range(key, &format!("at least one {what}, or left out"), "none"));
-    }
+    let names = reader.texts(key)?.unwrap_or_default();
     names.iter().try_for_each(|name| check(reader, key, what, name, known))?;
     Ok(names)
 }
 
+/// As [`list`] for a key that chooses: one that is given chooses something.
+pub(super) fn chosen(
+    reader: &Reader,
+    key: &str,
+    what: &str,
+    known: &[impl AsRef<str>],
+) -> Result<Vec<String>, SceneError> {
+    let names = list(reader, key, what, known)?;
+    if names.is_empty() && reader.get(key).is_some() {
+        // Left out, the key means everything: a list that somebody's program left empty does not.
+        return Err(reader.out_of_range(key, &format!("at least one {what}, or left out"), "none"));
+    }
+    Ok(names)
+}
+
 pub(super) fn bodies(reader: &Reader, key: &str) -> Result<Vec<String>, SceneError> {
-    list(reader, key, "body", &reader.context.names.bodies)
+    chosen(reader, key, "body", &reader.context.names.bodies)
 }
 
 pub(super) fn packings(reader: &Reader, key: &str) -> Result<Vec<String>, SceneError> {
-    list(reader, key, "packing", &reader.context.names.packings)
+    chosen(reader, key, "packing", &reader.context.names.packings)
 }
 
 pub(super) fn streams(reader: &Reader, key: &str) -> Result<Vec<String>, SceneError> {
-    list(reader, key, "stream", &reader.context.names.streams)
+    chosen(reader, key, "stream", &reader.context.names.streams)
 }
 
 /// Loads, of which there may be none.

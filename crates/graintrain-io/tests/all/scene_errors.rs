@@ -148,6 +148,10 @@ fn missing_and_contradicting_keys() {
             "[measure.m]\nmotion = true\npackings = []\n",
             "`measure.m.packings` must be at least one packing, or left out, got none",
         ),
+        (
+            "[joint.j]\nkind = 'gear'\njoints = []\nratio = 1\n",
+            "`joint.j.joints` must be at least one joint above this one, or left out, got none",
+        ),
     ];
     for (text, expected) in cases {
         let message = fails(&ball_and(text), &[]).0;

@@ -171,6 +171,7 @@ steps = 400
 [body.arm]
 shape = { box = { size = [0.4, 0.04, 0.04] } }
 position = [0.2, 0, 0]
+ignores = []
 [body.left]
 shape = { sphere = { radius = 0.01 } }
 position = [0.42, 0.02, 0]

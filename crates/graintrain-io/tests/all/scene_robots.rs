@@ -211,7 +211,10 @@ fn meshes_of_packages_are_found() {
     std::fs::write(package.join("urdf/b.urdf"), urdf).unwrap();
     let scene = |more: &str| format!("{TIME}[robot.b]\nfile = \"b.urdf\"\nshapes = \"visual\"\n{more}\n");
     let volume = 0.4 * 0.4 * 0.6;
-    for (more, expected) in [("", volume), ("solid = [\"stone\"]", volume), ("corners = 4", volume / 6.0)] {
+    let solid = "solid = [\"stone\"]";
+    for (more, expected) in
+        [("", volume), ("solid = []", volume), (solid, volume), ("corners = 4", volume / 6.0)]
+    {
         let simulation = built(&scene(more), &package.join("urdf"));
         let mass = simulation.world.bodies.mass[0];
         assert!((mass - 1000.0 * expected).abs() < 1e-3 * mass, "{more}: {mass}");
