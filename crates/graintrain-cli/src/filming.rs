@@ -50,11 +50,23 @@ pub fn film(folder: &Path, settings: &RenderSettings, speed: f64, out: &Path) ->
         film.rate,
         film.speed
     );
+    // Of frames that are far apart none is shown for longer than a film can.
+    if film.speed > speed * (1.0 + 1e-9) {
+        tell!(
+            "note: the film is not {speed} times as fast as the run but {:.3e} times, one picture per second; a slower one needs more frames \
+             (`output.every`)",
+            film.speed
+        );
+    }
     Ok(ExitCode::SUCCESS)
 }
 
 fn unmade(error: FilmError) -> Failure {
-    Failure::work_error(error, "")
+    match error {
+        // The options of the picture are wrong; the error says how.
+        FilmError::Render(error) => Failure::input_error(error, ""),
+        error => Failure::work_error(error, ""),
+    }
 }
 
 fn unwritten(error: OutputError) -> Failure {

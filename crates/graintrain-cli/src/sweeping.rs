@@ -276,6 +276,16 @@ impl Made {
     }
 }
 
+/// As [`sweep_failure`] for what is read before any run: a table that cannot be read is bad input.
+pub fn unreadable_input(error: SweepError) -> Failure {
+    match error {
+        error @ SweepError::Read { .. } => {
+            Failure::input_error(error, "correct the file, or give another one")
+        }
+        error => sweep_failure(error),
+    }
+}
+
 /// A failure of a sweep, as the user sees it.
 pub fn sweep_failure(error: SweepError) -> Failure {
     match error {
@@ -290,6 +300,7 @@ pub fn sweep_failure(error: SweepError) -> Failure {
         error @ (SweepError::Plan(_) | SweepError::Differs { .. } | SweepError::Observable { .. }) => {
             Failure::input_error(error, "")
         }
+        error @ SweepError::Occupied(_) => Failure::input_error(error, "choose another folder with --out"),
         // The file is in the way of the same command, too; the error says what to do where something can be
         // done.
         error @ (SweepError::Read { .. } | SweepError::Unusable { .. }) => {

@@ -3,11 +3,10 @@
 use crate::closing::counted;
 use crate::error::Failure;
 use crate::signal::Stop;
-use crate::sweeping::{RunsOptions, ended, sweep_failure};
+use crate::sweeping::{RunsOptions, ended, sweep_failure, unreadable_input};
 use crate::terminal::{say, tell};
 use graintrain_lab::calibrate::question::{Parameter, Question, Target};
 use graintrain_lab::calibrate::{Answer, Stage, calibrate};
-use graintrain_lab::sweep::SweepError;
 use graintrain_lab::sweep::collect::Estimate;
 use graintrain_lab::sweep::report::with_error;
 use std::num::NonZeroUsize;
@@ -54,7 +53,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         |texts: &[String]| texts.iter().map(|text| Parameter::parse(text)).collect::<Result<Vec<_>, _>>();
     let parameters = all(&arguments.fit).map_err(sweep_failure)?;
     let targets = arguments.to.iter().map(|text| Target::parse(text)).collect::<Result<Vec<_>, _>>();
-    let targets = targets.map_err(unreadable_target)?;
+    let targets = targets.map_err(unreadable_input)?;
     let most_points = arguments.points.map_or(10 + 12 * parameters.len(), NonZeroUsize::get);
     let question = Question {
         plan: arguments.runs.plan()?,
@@ -102,14 +101,6 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     }
     let is_answered = answer.failed.is_empty() && !answer.is_missed() && answer.silent_aim().is_none();
     Ok(if is_answered { ExitCode::SUCCESS } else { ExitCode::FAILURE })
-}
-
-/// A file of a curve that cannot be read is bad input.
-fn unreadable_target(error: SweepError) -> Failure {
-    match error {
-        error @ SweepError::Read { .. } => Failure::input_error(error, ""),
-        error => sweep_failure(error),
-    }
 }
 
 fn print(answer: &Answer) {

@@ -1,7 +1,7 @@
 //! `graintrain fit`: constants of a model from the points of a sweep.
 
 use crate::error::Failure;
-use crate::sweeping::sweep_failure;
+use crate::sweeping::{sweep_failure, unreadable_input};
 use crate::terminal::say;
 use graintrain_io::files::write_atomically;
 use graintrain_io::scene;
@@ -54,7 +54,7 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
         }
     });
     let start = start.collect::<Result<Vec<_>, Failure>>()?;
-    let points = points(&arguments.table, &arguments.x, &arguments.y).map_err(sweep_failure)?;
+    let points = points(&arguments.table, &arguments.x, &arguments.y).map_err(unreadable_input)?;
     let found = fit(&arguments.model, &start, &points).map_err(sweep_failure)?;
     say!("{} points, {}\n", points.len(), arguments.model);
     for constant in &found.constants {

@@ -26,8 +26,12 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let remedy = "give the folder of a run made by `graintrain run`";
     let figures = figures(&arguments.run).map_err(|error| Failure::input_error(error, remedy))?;
     if figures.is_empty() {
-        let what = std::io::Error::other(format!("{} holds no tables", arguments.run.display()));
-        return Err(Failure::input_error(what, remedy));
+        let run = arguments.run.display();
+        let what = match arguments.run.exists() {
+            true => format!("{run} holds no tables"),
+            false => format!("there is no file or folder `{run}`"),
+        };
+        return Err(Failure::input_error(std::io::Error::other(what), remedy));
     }
     let failed = |error: OutputError| {
         let remedy = error.remedy();

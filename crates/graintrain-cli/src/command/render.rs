@@ -2,6 +2,7 @@
 
 use crate::error::Failure;
 use crate::filming::{film, film_path};
+use crate::solving::positive;
 use crate::terminal::{say, tell};
 use graintrain::world::World;
 use graintrain_io::checkpoint;
@@ -50,7 +51,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE", value_parser = film_path, conflicts_with_all = ["time", "out"])]
     film: Option<PathBuf>,
     /// Speed of the film over that of the scene
-    #[arg(long, value_name = "X", default_value_t = 1.0, requires = "film")]
+    #[arg(long, value_name = "X", default_value_t = 1.0, requires = "film", value_parser = positive, allow_negative_numbers = true)]
     speed: f64,
 }
 

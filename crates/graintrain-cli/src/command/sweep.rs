@@ -2,9 +2,9 @@
 
 use crate::error::Failure;
 use crate::sweeping::{SweepOptions, sweep_failure};
-use graintrain_lab::sweep::plan::{grid, over, table};
+use graintrain_lab::sweep::plan::{Setting, grid, over, table};
 use graintrain_lab::sweep::report::page;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Run a scene at many values of its parameters, with several seeds
@@ -33,21 +33,12 @@ pub struct Arguments {
 pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let mut plan = arguments.options.plan()?;
     plan.points = match &arguments.table {
-        Some(path) => {
-            let text = std::fs::read_to_string(path).map_err(|error| {
-                let what = std::io::Error::other(format!("cannot read {}: {error}", path.display()));
-                Failure::input_error(what, "")
-            })?;
-            table(&text)
+        Some(path) => points(path)?,
+        None => {
+            let keys = arguments.over.iter().map(|text| over(text)).collect::<Result<Vec<_>, _>>();
+            keys.and_then(|keys| grid(&keys)).map_err(sweep_failure)?
         }
-        None => arguments
-            .over
-            .iter()
-            .map(|text| over(text))
-            .collect::<Result<Vec<_>, _>>()
-            .and_then(|keys| grid(&keys)),
-    }
-    .map_err(sweep_failure)?;
+    };
     let made = match arguments.options.make(plan, "sweep") {
         Ok(made) => made,
         Err(ended) => return ended,
@@ -55,4 +46,16 @@ pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
     page(&made.folder, &made.plan, &made.cells, &made.collected, &made.names, false, "")
         .map_err(sweep_failure)?;
     Ok(made.conclude())
+}
+
+/// The points of a table.
+fn points(path: &Path) -> Result<Vec<Vec<Setting>>, Failure> {
+    let refuse = |problem: String| {
+        let remedy =
+            "give a CSV file with keys of the scene in its header, and a line of their values for each point";
+        Failure::input_error(std::io::Error::other(problem), remedy)
+    };
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| refuse(format!("cannot read {}: {error}", path.display())))?;
+    table(&text).map_err(|error| refuse(format!("{}: {error}", path.display())))
 }

@@ -22,8 +22,8 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.html")]
     out: Option<PathBuf>,
     /// Most frames in the page; more are thinned evenly
-    #[arg(long, value_name = "N", default_value_t = ViewSettings::default().max_frames)]
-    frames: usize,
+    #[arg(long, value_name = "N", default_value_t = ViewSettings::default().max_frames as u64, value_parser = clap::value_parser!(u64).range(1..))]
+    frames: u64,
     /// Leave the contact forces out: a smaller page
     #[arg(long)]
     no_contacts: bool,
@@ -31,7 +31,8 @@ pub struct Arguments {
 
 /// Writes the page.
 pub fn execute(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let settings = ViewSettings { max_frames: arguments.frames.max(1), force_chains: !arguments.no_contacts };
+    let settings =
+        ViewSettings { max_frames: arguments.frames as usize, force_chains: !arguments.no_contacts };
     let remedy = "give the folder of a run made by `graintrain run`";
     let html = RunFolder::open(&arguments.run)
         .and_then(|run| page(&run, &settings))

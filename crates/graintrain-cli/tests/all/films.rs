@@ -36,6 +36,20 @@ fn a_film_needs_no_ffmpeg() {
     assert_eq!(single as u32, made);
     let (_, err) = ended(film("film.doc"), 2);
     assert!(err.contains(".mp4"), "{err}");
+    // No picture is shown for longer than a second: the film says that it is faster than asked.
+    let mut slow = film("film.png");
+    slow.args(["--speed", "1e-9"]);
+    let (_, err) = ended(slow, 0);
+    assert!(err.contains("not 0.000000001 times") && err.contains("output.every"), "{err}");
+    for (range, expected) in [("nan,1", "range NaN"), ("0,inf", "range inf"), ("2,1", "range 1")] {
+        let mut wrong = film("film.png");
+        wrong.args(["--range", range]);
+        let still = ["render", "made", "--range", range];
+        for command in [wrong, graintrain(folder.path(), &still)] {
+            let (_, err) = ended(command, 2);
+            assert!(err.contains(expected), "{range}: {err}");
+        }
+    }
 }
 
 /// What a run under way answers to a request for this path.

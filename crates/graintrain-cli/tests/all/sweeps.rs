@@ -252,6 +252,10 @@ fn everything_is_looked_at_before_the_first_run() {
     refused(&["--table", "points.csv"], &["`mu` twice"]);
     table("mu\n\"0.1\n");
     refused(&["--table", "points.csv"], &["line 2", "not closed"]);
+    table("mu\n0.1\n0.2,0.3\n");
+    refused(&["--table", "points.csv"], &["points.csv: line 3", "one value", "CSV file with keys"]);
+    table("");
+    refused(&["--table", "points.csv"], &["points.csv: the table needs", "CSV file with keys"]);
     table("mu,\"speed\"\n0.3,\"1 m/s\"\n");
     let observe = ["--table", "points.csv", "--observe", "block.centre_x:last"];
     ended(at, &[&["sweep", "slide.toml", "--out", "s"], observe.as_slice()].concat(), 0);
@@ -262,6 +266,44 @@ fn everything_is_looked_at_before_the_first_run() {
     std::fs::write(&path, text.replacen("\n2,", "\n2,7,", 1)).unwrap();
     let (_, err) = ended(at, &[&["sweep", "slide.toml", "--out", "s"], observe.as_slice()].concat(), 1);
     assert!(err.contains("block.csv") && err.contains("damaged"), "{err}");
+}
+
+/// A folder with other results is left as it is; that of another run of the same command is gone on with.
+#[test]
+fn folders_of_others_are_refused() {
+    let folder = folder();
+    let at = folder.path();
+    ended(at, &["run", "slide.toml", "--out", "o", "--steps", "1", "--quiet"], 0);
+    let names = || {
+        let entries = std::fs::read_dir(at.join("o")).unwrap();
+        let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    let before = names();
+    let fit = ["--fit", "mu=0.1..0.8", "--to", "block.centre_x:last=0.17+-0.01"];
+    for (command, more) in [("sweep", &[][..]), ("dt-study", &[]), ("calibrate", &fit)] {
+        let (_, err) = ended(at, &[&[command, "slide.toml", "--out", "o"], more].concat(), 2);
+        assert!(err.contains("o is not empty") && err.contains("with --out"), "{command}: {err}");
+        assert_eq!(names(), before, "{command}");
+    }
+    std::fs::create_dir(at.join("empty")).unwrap();
+    for _ in 0..2 {
+        ended(at, &["sweep", "slide.toml", "--out", "empty", "--quiet"], 0);
+    }
+}
+
+#[test]
+fn a_fit_tells_which_table_it_cannot_read() {
+    let folder = folder();
+    std::fs::write(folder.path().join("odd.csv"), "a,b\n1\n").unwrap();
+    for (table, expected) in [("missing.csv", "No such file"), ("odd.csv", "1 of its lines")] {
+        let arguments = ["fit", table, "--x", "a", "--y", "b", "--model", "c*x", "--start", "c=1"];
+        let (_, err) = ended(folder.path(), &arguments, 2);
+        let whole = format!("cannot read {table}: {expected}");
+        assert!(err.contains(&whole) && err.contains("correct the file"), "{err}");
+        assert_eq!(err.matches(table).count(), 1, "{err}");
+    }
 }
 
 /// Means over runs whose last stage never began are of another state: the sweep says so.

@@ -86,10 +86,7 @@ impl RunFolder {
     /// [`PrepareError::Output`] where another process writes into it, or a folder in it is a link.
     pub fn create(path: &Path, force: bool) -> Result<Self, PrepareError> {
         make_folder(path)?;
-        let refuse = || match !force && is_occupied(path)? {
-            true => Err(PrepareError::from(Occupied { folder: path.to_path_buf() })),
-            false => Ok(()),
-        };
+        let refuse = || if force { Ok(()) } else { refuse_occupied(path) };
         // Nothing is written into a folder that is refused; whoever held it may have filled it meanwhile.
         refuse()?;
         let folder = Self::open(path)?;
@@ -117,6 +114,17 @@ impl RunFolder {
 
 fn entries(folder: &Path) -> Result<std::fs::ReadDir, OutputError> {
     std::fs::read_dir(folder).map_err(|error| OutputError::new("read the folder", folder, error))
+}
+
+/// That a folder is there and free for results.
+///
+/// # Errors
+/// [`PrepareError::Occupied`] where it holds something; [`PrepareError::Output`] where it cannot be read.
+pub fn refuse_occupied(folder: &Path) -> Result<(), PrepareError> {
+    match is_occupied(folder)? {
+        true => Err(PrepareError::from(Occupied { folder: folder.to_path_buf() })),
+        false => Ok(()),
+    }
 }
 
 /// Whether a folder holds anything but the beginning of a run that had not written its first checkpoint,

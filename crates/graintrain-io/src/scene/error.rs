@@ -228,6 +228,9 @@ impl SceneError {
                 }
                 None => "`graintrain scenes` lists the built-in scenes".to_string(),
             }),
+            SceneErrorKind::UnreadableFile { .. } => {
+                Some("give the path of a file, not of a folder, that is there and can be read".to_string())
+            }
             SceneErrorKind::UnknownKey { closest, known, .. } => Some(match closest {
                 Some(closest) => format!("did you mean `{closest}`? Known here: {known}"),
                 None => format!("known here: {known}"),

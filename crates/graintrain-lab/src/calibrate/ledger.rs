@@ -3,10 +3,8 @@
 use super::inference::Observation;
 use super::observe::Aims;
 use super::question::Question;
-use crate::sweep::SweepError;
-use crate::sweep::execute::write;
-use graintrain_io::files::make_folder;
-use graintrain_view::view::tables::Table;
+use crate::sweep::execute::{make_own_folder, write};
+use crate::sweep::{SweepError, read_table};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -29,7 +27,7 @@ impl Ledger {
     ///
     /// # Errors
     /// [`SweepError::Plan`] where the folder holds another question; [`SweepError::Read`] for files that are
-    /// damaged; [`SweepError::Output`].
+    /// damaged; [`SweepError::Occupied`]; [`SweepError::Output`].
     pub fn open(folder: &Path, question: &Question) -> Result<Self, SweepError> {
         let (asked, path) = (folder.join(QUESTION), folder.join(LEDGER));
         let mut ledger = Self {
@@ -39,7 +37,7 @@ impl Ledger {
             rounds: Vec::new(),
         };
         if !asked.exists() {
-            make_folder(folder)?;
+            make_own_folder(folder)?;
             let text = serde_json::to_string_pretty(question).map_err(|error| unreadable(&asked, error))?;
             write(&asked, &(text + "\n"))?;
             return Ok(ledger);
@@ -63,7 +61,7 @@ impl Ledger {
     }
 
     fn read(&mut self, path: &Path) -> Result<(), SweepError> {
-        let table = Table::read(path).map_err(|error| unreadable(path, error))?;
+        let table = read_table(path)?;
         let column = |name: &str| {
             let numbers = table.numbers(name).filter(|list| list.iter().all(|x| x.is_finite()));
             numbers.filter(|_| table.odd_lines == 0).ok_or_else(|| {

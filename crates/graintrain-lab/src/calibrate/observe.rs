@@ -2,10 +2,10 @@
 
 use super::inference::{Aim, Observation};
 use super::question::{Question, Target, is_same_key, thinned};
-use crate::sweep::SweepError;
 use crate::sweep::collect::{check_names, collect};
 use crate::sweep::execute::{check, run_folder};
 use crate::sweep::plan::{Cell, Plan, Setting};
+use crate::sweep::{SweepError, read_table};
 use graintrain_io::measure::{Measure, Quantity};
 use graintrain_view::view::tables::Table;
 use std::collections::BTreeMap;
@@ -232,7 +232,7 @@ impl Aims {
 /// The table of a measurement of a finished run.
 fn table(folder: &Path, cell: &Cell, measure: &str) -> Result<Table, SweepError> {
     let path = run_folder(folder, cell).join("measures").join(format!("{measure}.csv"));
-    Table::read(&path).map_err(|error| SweepError::Read { path: path.clone(), reason: error.to_string() })
+    read_table(&path)
 }
 
 /// Every bin averaged over the records from `from` (s) on, or over the second half of the time.

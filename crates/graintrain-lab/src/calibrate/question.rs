@@ -1,11 +1,10 @@
 //! What is asked of a calibration: which parameters in which ranges, to reach what.
 
 use super::quasi_random::MOST_DIMENSIONS;
-use crate::sweep::SweepError;
 use crate::sweep::plan::{Plan, Setting};
+use crate::sweep::{SweepError, read_table};
 use graintrain_io::scene;
 use graintrain_io::scene::quantity::{Dimension, Quantity};
-use graintrain_view::view::tables::Table;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -248,7 +247,7 @@ fn heading(text: &str) -> Result<(String, Quantity), String> {
 /// The abscissa's name and the points of a file, in order of the abscissa.
 fn read_curve(path: &Path, common: Option<&str>) -> Result<(String, Vec<CurvePoint>), SweepError> {
     let unreadable = |reason: String| SweepError::Read { path: path.to_path_buf(), reason };
-    let table = Table::read(path).map_err(|error| unreadable(error.to_string()))?;
+    let table = read_table(path)?;
     if table.odd_lines > 0 {
         let problem =
             format!("{} of its lines have another number of cells than its header", table.odd_lines);

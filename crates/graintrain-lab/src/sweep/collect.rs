@@ -1,8 +1,8 @@
 //! What the runs of a sweep measured: observables, their means and errors.
 
-use super::SweepError;
 use super::execute::{run_folder, write};
 use super::plan::{Cell, Plan};
+use super::{SweepError, read_table};
 use graintrain::measure::statistics::{mean, steady_from};
 use graintrain_io::column::Column;
 use graintrain_io::files::within;
@@ -177,7 +177,7 @@ fn texts(columns: &serde_json::Value) -> Vec<[String; 3]> {
 fn table(run: &Path, file: &str, columns: &[[String; 3]]) -> Result<Table, SweepError> {
     let path = within(run, file)
         .ok_or_else(|| unreadable(&run.join("columns.json"), format!("it names {file:?}")))?;
-    let table = Table::read(&path).map_err(|error| unreadable(&path, error))?;
+    let table = read_table(&path)?;
     if table.odd_lines > 0 || columns.iter().any(|[name, ..]| table.column(name).is_none()) {
         let what = format!(
             "it is damaged: {} lines do not fit its header, or columns are missing; remove {} to make the run again",

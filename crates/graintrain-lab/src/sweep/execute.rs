@@ -6,7 +6,7 @@ use super::plan::{Cell, Plan, label};
 use graintrain_io::checkpoint::{self, CheckpointError};
 use graintrain_io::files::{OutputError, make_folder};
 use graintrain_io::mark::Loss;
-use graintrain_io::output::folder::{PrepareError, RunFolder};
+use graintrain_io::output::folder::{RunFolder, refuse_occupied};
 use graintrain_io::output::recorder::Recorder;
 use graintrain_io::output::summary::RunStatus;
 use graintrain_io::run::{Ending, Run, RunError, RunSettings, RunTotals};
@@ -55,6 +55,19 @@ pub fn run_folder(folder: &Path, cell: &Cell) -> PathBuf {
     folder.join("runs").join(&cell.name)
 }
 
+/// Makes the folder of a sweep, or goes on in one that has its `runs`; nothing is written into one that holds
+/// something else.
+///
+/// # Errors
+/// [`SweepError::Occupied`], [`SweepError::Output`].
+pub(crate) fn make_own_folder(folder: &Path) -> Result<(), SweepError> {
+    let runs = folder.join("runs");
+    if folder.exists() && !runs.exists() {
+        refuse_occupied(folder)?;
+    }
+    Ok(make_folder(&runs)?)
+}
+
 /// Looks at everything before the first run: the scene of every cell is read, that of every point built;
 /// returned are the names of the observables that the runs will have.
 ///
@@ -91,8 +104,8 @@ pub fn check(plan: &Plan, cells: &[Cell], from: Option<f64>) -> Result<Vec<Strin
 /// made. The folder belongs to this process meanwhile.
 ///
 /// # Errors
-/// [`SweepError::Differs`], [`SweepError::Output`] and [`SweepError::Threads`] as they come;
-/// [`SweepError::Stopped`] after `stop` was set.
+/// [`SweepError::Occupied`], [`SweepError::Differs`], [`SweepError::Output`] and [`SweepError::Threads`] as
+/// they come; [`SweepError::Stopped`] after `stop` was set.
 pub fn execute(
     plan: &Plan,
     cells: &[Cell],
@@ -100,7 +113,7 @@ pub fn execute(
     stop: &Arc<AtomicBool>,
     progress: &(dyn Fn(Progress<'_>) + Sync),
 ) -> Result<Vec<Outcome>, SweepError> {
-    make_folder(&how.folder.join("runs"))?;
+    make_own_folder(&how.folder)?;
     let _held = RunFolder::open(&how.folder)?;
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let outcomes: Mutex<Vec<Outcome>> = Mutex::new(vec![Outcome::Stopped; cells.len()]);
@@ -192,10 +205,7 @@ fn make(
         }
         // Nothing there: from the beginning.
         None => {
-            let taken = RunFolder::create(&folder, true).map_err(|error| match error {
-                PrepareError::Output(error) => SweepError::Output(error),
-                PrepareError::Occupied(occupied) => SweepError::Plan(occupied.to_string()),
-            })?;
+            let taken = RunFolder::create(&folder, true)?;
             let settings = RunSettings::new(&simulation, None);
             let recorder = Recorder::begin(taken, &settings, &simulation.world, &resolved)?;
             (Run::new(simulation.world, settings, RunTotals::default(), Arc::clone(stop)), recorder)

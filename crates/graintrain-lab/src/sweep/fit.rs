@@ -1,9 +1,8 @@
 //! Least squares: a model with unknown constants through the points of a sweep, with their uncertainty.
 
-use super::SweepError;
+use super::{SweepError, read_table};
 use graintrain_io::scene;
 use graintrain_view::plot::{Axis, Chart, Series};
-use graintrain_view::view::tables::Table;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -56,14 +55,10 @@ fn wrong(problem: impl Into<String>) -> SweepError {
 /// [`SweepError::Read`] for a file that cannot be read; [`SweepError::Plan`] for columns that are not there
 /// or no numbers.
 pub fn points(path: &Path, x: &str, y: &str) -> Result<Vec<Point>, SweepError> {
-    let unreadable =
-        |error: &dyn ToString| SweepError::Read { path: path.to_path_buf(), reason: error.to_string() };
-    let table = Table::read(path).map_err(|error| unreadable(&error))?;
+    let table = read_table(path)?;
     if table.odd_lines > 0 {
-        return Err(unreadable(&format!(
-            "{} of its lines have another number of cells than its header",
-            table.odd_lines
-        )));
+        let reason = format!("{} of its lines have another number of cells than its header", table.odd_lines);
+        return Err(SweepError::Read { path: path.to_path_buf(), reason });
     }
     let column = |name: &str| {
         table.texts(name).ok_or_else(|| {

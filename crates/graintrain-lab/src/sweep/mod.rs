@@ -21,8 +21,11 @@ pub mod report;
 pub mod study;
 
 use graintrain_io::files::OutputError;
+use graintrain_io::output::folder::{Occupied, PrepareError};
 use graintrain_io::scene::SceneError;
-use std::path::PathBuf;
+use graintrain_view::view::ViewError;
+use graintrain_view::view::tables::Table;
+use std::path::{Path, PathBuf};
 
 /// Why a sweep could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -56,6 +59,9 @@ pub enum SweepError {
         /// What is wrong.
         reason: String,
     },
+    /// The folder holds something else.
+    #[error(transparent)]
+    Occupied(Occupied),
     /// A file cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
@@ -81,4 +87,28 @@ pub enum SweepError {
     /// Somebody asked to stop; what is done is kept.
     #[error("stopped; the same command goes on")]
     Stopped,
+}
+
+impl From<PrepareError> for SweepError {
+    fn from(error: PrepareError) -> Self {
+        match error {
+            PrepareError::Occupied(occupied) => Self::Occupied(occupied),
+            PrepareError::Output(error) => Self::Output(error),
+        }
+    }
+}
+
+/// Reads a table.
+///
+/// # Errors
+/// [`SweepError::Read`].
+pub(crate) fn read_table(path: &Path) -> Result<Table, SweepError> {
+    Table::read(path).map_err(|error| {
+        // The error of a sweep names the file itself.
+        let reason = match error {
+            ViewError::Read { source, .. } => source.to_string(),
+            error => error.to_string(),
+        };
+        SweepError::Read { path: path.to_path_buf(), reason }
+    })
 }

@@ -114,8 +114,7 @@ pub fn table(text: &str) -> Result<Vec<Vec<Setting>>, SweepError> {
         let number = number + 1;
         let values = fields(line, number)?;
         if values.len() != keys.len() || values.iter().any(String::is_empty) {
-            let problem =
-                format!("line {number} has {} values, the header {} keys", values.len(), keys.len());
+            let problem = format!("line {number} does not give each key of the header one value");
             return Err(SweepError::Plan(problem));
         }
         let point: Vec<Setting> = keys.iter().cloned().zip(values).collect();

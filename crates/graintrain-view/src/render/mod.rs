@@ -178,7 +178,8 @@ fn check(settings: &RenderSettings) -> Result<(), RenderError> {
         && !(low < high && low.is_finite() && high.is_finite())
     {
         let remedy = "the range needs a smaller and a larger finite number";
-        return Err(RenderError::Value { what: "end of the colour range", value: high, remedy });
+        let value = if low.is_finite() { high } else { low };
+        return Err(RenderError::Value { what: "end of the colour range", value, remedy });
     }
     if let Some(&value) = settings.view.iter().find(|angle| !angle.is_finite()) {
         return Err(RenderError::Value { what: "viewing angle", value, remedy: "give degrees" });
