@@ -271,7 +271,9 @@ fn the_wheel_in_five_thousand_grains_is_steady() {
     assert!((whole[1][0] / weight - 1.0).abs() < 0.02, "{whole:?}");
     for k in 0..3 {
         let apart = (first[k][0] - second[k][0]).abs();
-        assert!(apart < 4.0 * first[k][1].hypot(second[k][1]), "{k}: {first:?} {second:?}");
+        // The bed goes on settling before the wheel: parts of the series know of each other.
+        let drift = 0.02 * weight * if k == 2 { 0.1 } else { 1.0 };
+        assert!(apart < 4.0 * first[k][1].hypot(second[k][1]) + drift, "{k}: {first:?} {second:?}");
     }
     assert!(whole[2][0] < 0.0 && whole[0][0].abs() < 0.6 * weight, "{whole:?}");
     assert_eq!(run(built_in_wheel(&folder), EARLY, 4).1, hash);

@@ -9,9 +9,9 @@ use crate::world::World;
 
 /// The course of every body. One flies where nothing acts on it in the step but gravity and forces that
 /// depend on time alone: contacts exert no impulse in the contact problem (impacts come before it), no joint
-/// holds it, nothing is prescribed, there is no torque, no other force (one that depends on the place needs x
-/// + dt u+, which is symplectic) and no drag, and no periodic cell that deforms takes it along. With these it
-/// is pushed.
+/// holds it, nothing is prescribed, no other force ([`load::pushed`]; one that depends on the place needs
+/// `x + dt u+`, which is symplectic), and no periodic cell that deforms takes it along. With these it is
+/// pushed.
 pub(super) fn courses(world: &World, contacts: &[Contact], attempt: &Attempt, step: f64) -> Vec<Course> {
     let pushed = load::pushed(world, step);
     let deforms = world.cell().is_some_and(Cell::deforms);
