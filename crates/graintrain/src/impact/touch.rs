@@ -75,7 +75,10 @@ impl Impacts {
 
     /// Puts the points of contacts where they were when their bodies began the step as they go on.
     pub(crate) fn carry(&self, contacts: &mut [Contact]) {
-        for contact in contacts.iter_mut().filter(|_| !self.shift.is_empty()) {
+        if self.shift.is_empty() {
+            return;
+        }
+        for contact in contacts {
             let [a, b] = [contact.body_a, contact.body_b].map(|body| self.shift_of(body));
             contact.point += 0.5 * (a + b);
             contact.lead += 0.5 * (a - b);
@@ -83,8 +86,8 @@ impl Impacts {
     }
 }
 
-/// Whether each contact is one of balls, or of a ball and what is driven, that have no other one and no
-/// joint.
+/// Whether each contact is one of balls, or of a ball and what is driven, that have no other one and no joint
+/// and fly, moved by gravity and forces of time alone ([`load::pushed`]); none: empty.
 pub(super) fn alone(
     world: &World,
     collider: &Collider,

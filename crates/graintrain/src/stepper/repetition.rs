@@ -626,8 +626,8 @@ fn pushes(
 /// ```
 ///
 /// so that Phi' + dt u_n+ is the gap at the end to first order in the change of velocity: Newton's method on
-/// the gap of the end. Less what the end owes to a touch late in the step: with another contact they have
-/// none that counts.
+/// the gap of the end. What a ball ends further by because it touched late in the step (`Impacts::shift_of`)
+/// is taken from `Phi_end`: with another contact it has no touch of its own.
 fn carried_back(end: &Contact, world: &World, start: &Placement, attempt: &Attempt, step: f64) -> Contact {
     let half = 0.5 * end.gap * end.normal;
     let side = |body: u32, at_end: Vec3| {
