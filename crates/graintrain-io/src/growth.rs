@@ -16,6 +16,7 @@ use graintrain::world::World;
 use graintrain_linalg::real;
 use serde::{Deserialize, Serialize};
 use std::collections::{HashMap, HashSet};
+use std::sync::Arc;
 
 /// Growth waits above this overlap over the size of the smaller body.
 const WAITS: f64 = 0.01;
@@ -57,7 +58,7 @@ impl Growth {
             let geometry = match own.get(&former) {
                 Some(geometry) => *geometry,
                 None => {
-                    let copy = world.geometries[former.index()].clone();
+                    let copy = Arc::clone(&world.geometries[former.index()]);
                     *own.entry(former).or_insert_with(|| world.add_geometry(copy))
                 }
             };
@@ -99,7 +100,7 @@ impl Growth {
             members.iter().map(|body| world.bodies.geometry[body.index()].index()).collect();
         let mut former = Vec::new();
         for geometry in geometries {
-            let larger = world.geometries[geometry].scaled(factor)?;
+            let larger = Arc::new(world.geometries[geometry].scaled(factor)?);
             former.push((geometry, std::mem::replace(&mut world.geometries[geometry], larger)));
         }
         if let Err(error) = world.fits_cell() {

@@ -16,6 +16,7 @@ use graintrain::math::{Quat, Vec3, mix};
 use graintrain::shape::{Geometry, Shape};
 use graintrain::world::{Body, World};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// Places tried for a body per step; if none is free it waits for the next one.
 const TRIES: usize = 200;
@@ -246,12 +247,12 @@ impl Stream {
         for (number, &(position, _)) in (first..).zip(entered) {
             let (geometry, orientation) = self.grain(number)?;
             // The last ones are the likeliest to be equal.
-            let same = |known: &Geometry| is_common && *known == geometry;
+            let same = |known: &Arc<Geometry>| is_common && **known == geometry;
             let known = world.geometries.iter().rposition(same);
             let geometry = match (known, unused.pop()) {
                 (Some(known), _) => GeometryId::from_index(known),
                 (None, Some(place)) => {
-                    world.geometries[place] = geometry;
+                    world.geometries[place] = Arc::new(geometry);
                     GeometryId::from_index(place)
                 }
                 (None, None) => world.add_geometry(geometry),

@@ -152,6 +152,7 @@ mod tests {
     use crate::material::TurningResistance;
     use crate::shape::Geometry;
     use crate::world::Body;
+    use std::sync::Arc;
 
     fn world() -> World {
         let mut world = World::default();
@@ -177,9 +178,9 @@ mod tests {
                 w.materials.spinning.push(TurningResistance::NONE);
             },
             |w| w.contacts.moment.push(Vec3::ZERO),
-            |w| w.geometries[0].parts.clear(),
+            |w| Arc::make_mut(&mut w.geometries[0]).parts.clear(),
             |w| w.ignored.push([1, 2].map(BodyId::from_index)),
-            |w| w.geometries[0].parts[0].position.x = f64::NAN,
+            |w| Arc::make_mut(&mut w.geometries[0]).parts[0].position.x = f64::NAN,
             |w| w.bodies.name.truncate(1),
             |w| w.bodies.velocity.push(Vec3::ZERO),
             |w| w.bodies.geometry[1] = GeometryId::from_index(1),

@@ -12,6 +12,7 @@ use crate::math::{Mat3, Quat, Vec3};
 use crate::motion::{Motion, Profile};
 use crate::shape::{Geometry, unit_quaternion};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 mod hash;
 
@@ -72,8 +73,8 @@ pub struct World {
     pub(crate) ignored: Vec<[BodyId; 2]>,
     /// The cell in which space repeats, if it does: see [`World::set_cell`].
     pub(crate) cell: Option<Cell>,
-    /// Geometries shared by bodies.
-    pub geometries: Vec<Geometry>,
+    /// Geometries shared by bodies, and with what is derived from them between steps.
+    pub geometries: Vec<Arc<Geometry>>,
     /// Materials.
     pub materials: Materials,
     /// Prescribed motions shared by bodies.
@@ -238,8 +239,8 @@ impl World {
     }
 
     /// Adds a geometry and returns its handle.
-    pub fn add_geometry(&mut self, geometry: Geometry) -> GeometryId {
-        self.geometries.push(geometry);
+    pub fn add_geometry(&mut self, geometry: impl Into<Arc<Geometry>>) -> GeometryId {
+        self.geometries.push(geometry.into());
         GeometryId::from_index(self.geometries.len() - 1)
     }
 

@@ -103,29 +103,45 @@ struct Side<'a> {
     first: u64,
 }
 
-/// Adds the points that are missing in `touches`, which hold what was found for this pair; `known_normal` is
-/// the one from A to B, where it is known without them. `unit` is the size of the smaller solid; normals
-/// point from B to A. `polyhedra` are those of the solids that are such.
+/// What is known of two solids beside their touches.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Known {
+    /// Nothing.
+    Nothing,
+    /// Of polyhedra: no two points are nearer to each other, or deeper, than the nearest touch.
+    Distance,
+    /// The normal from A to B of solids of which one is round.
+    Normal(Vec3),
+}
+
+/// Adds the points that are missing in `touches`, which hold what was found for this pair. `unit` is the size
+/// of the smaller solid; normals point from B to A. `polyhedra` are those of the solids that are such.
 pub(crate) fn add_corners(
     [a, b]: [Solid<'_>; 2],
-    known_normal: Option<Vec3>,
+    known: Known,
     polyhedra: [Option<&Polyhedron<'_>>; 2],
     (unit, envelope): (f64, f64),
     touches: &mut Vec<Touch>,
 ) {
-    let is_round = known_normal.is_some();
+    let is_round = matches!(known, Known::Normal(_));
     if envelope <= CLEAR * unit && !is_round {
         return;
     }
     let found = touches.iter().min_by(|x, y| x.gap.total_cmp(&y.gap)).copied();
-    let toward = known_normal.or(found.map(|touch| -touch.normal)).unwrap_or(b.centre() - a.centre());
+    let toward = match (known, found) {
+        (Known::Normal(normal), _) => normal,
+        (_, Some(touch)) => -touch.normal,
+        (_, None) => b.centre() - a.centre(),
+    };
     let highest = envelope + ROUNDING * unit;
     let [of_a, of_b] = polyhedra;
     let sides = [
         Side::of((a, of_a), b, toward, (1.0, 1), highest),
         Side::of((b, of_b), a, -toward, (-1.0, OF_B), highest),
     ];
-    let candidates = candidates(&sides, polyhedra, envelope, highest);
+    // Nothing was overlooked: then points of edges count that look along the normal.
+    let along = (known == Known::Distance).then_some(toward);
+    let candidates = candidates(&sides, polyhedra, (envelope, highest), along);
     let nearest = candidates
         .iter()
         .min_by(|x, y| x.distance.value.total_cmp(&y.distance.value).then(x.feature.cmp(&y.feature)));
@@ -135,7 +151,7 @@ pub(crate) fn add_corners(
     let overlooked = found.is_none_or(|touch| nearest.distance.value < touch.gap - nearer * unit);
     let first = if overlooked { Some(nearest.feature) } else { None };
     let normal = if overlooked { nearest.distance.normal } else { -toward };
-    let known = touches.len();
+    let first_new = touches.len();
     if found.is_some() {
         add_touching(&sides, unit, envelope, touches);
     }
@@ -151,7 +167,7 @@ pub(crate) fn add_corners(
                     || alike >= 1.0 - 1e-6
                     || (candidate.is_corner && candidate.inside >= MARGIN * unit));
         let touch = Touch { point: candidate.point, normal: own, gap: value, feature: candidate.feature };
-        if taken && !is_among(&touches[..known], &touch, unit) {
+        if taken && !is_among(&touches[..first_new], &touch, unit) {
             touches.push(touch);
         }
     }
@@ -163,12 +179,12 @@ fn is_among(known: &[Touch], touch: &Touch, unit: f64) -> bool {
     known.iter().any(|other| near(other) && other.normal.dot(touch.normal) >= SAME_PATCH)
 }
 
-/// Points of both near the other.
+/// Points of both near the other; of edges those alone that look along a direction, if there is one.
 fn candidates(
     sides: &[Side<'_>; 2],
     polyhedra: [Option<&Polyhedron<'_>>; 2],
-    envelope: f64,
-    highest: f64,
+    (envelope, highest): (f64, f64),
+    along: Option<Vec3>,
 ) -> Vec<Candidate> {
     let mut candidates = Vec::new();
     for (own, side) in sides.iter().enumerate() {
@@ -177,7 +193,7 @@ fn candidates(
             // What borders of triangles are to a mesh is its own affair.
             Some(other) if other.is_flat() => {}
             Some(other) => {
-                let rims = Rims::of(other, &sides[1 - own].is_near, highest);
+                let rims = Rims::of(other, &sides[1 - own].is_near, highest, along);
                 at_rims(side, other, &rims, envelope, &mut candidates);
             }
             None => of_edges(side, envelope, &mut candidates),

@@ -8,11 +8,15 @@
 //! corner's own distance from the first solid says the same.
 
 use super::polyhedra::Polyhedron;
+use super::reduce::SAME_PATCH;
 use crate::math::Vec3;
 use crate::shape::Distance;
 
 /// Sine squared of the angle below which edges are parallel: they have no point that is nearest.
 const PARALLEL: f64 = 1e-12;
+
+/// Relative error of squares of lengths.
+const ROUNDING: f64 = 1e-9;
 
 /// An edge of a polyhedron near another solid.
 struct Rim {
@@ -30,6 +34,8 @@ pub(super) struct Rims {
     /// Lower and upper corner of the box around each, widened by the envelope.
     bounds: Vec<[Vec3; 2]>,
     around: [Vec3; 2],
+    /// Unit vector of the line along which points look that count, if not all do.
+    look: Option<Vec3>,
 }
 
 /// A point of an edge with its distance from the polyhedron.
@@ -43,6 +49,11 @@ pub(super) struct EdgePoint {
     pub number: u64,
 }
 
+/// Whether no direction across an edge is within the angle of [`SAME_PATCH`] of a line, along a unit vector.
+fn is_steep(edge: Vec3, line: Vec3) -> bool {
+    edge.dot(line).powi(2) > (1.0 - SAME_PATCH * SAME_PATCH) * edge.length_squared() * (1.0 + ROUNDING)
+}
+
 /// Whether a fraction lies between 0 and 1.
 fn lies_inside(numerator: f64, denominator: f64) -> bool {
     let numerator = if denominator < 0.0 { -numerator } else { numerator };
@@ -50,15 +61,26 @@ fn lies_inside(numerator: f64, denominator: f64) -> bool {
 }
 
 impl Rims {
-    pub(super) fn of(polyhedron: &Polyhedron<'_>, is_near: &[bool], envelope: f64) -> Self {
-        let mut found =
-            Self { rims: Vec::new(), bounds: Vec::new(), around: [Vec3::INFINITY, Vec3::NEG_INFINITY] };
+    /// Edges all of whose normals are more than the angle of [`SAME_PATCH`] off the line `look`, if there is
+    /// one, are left out, and of the others points whose normals are.
+    pub(super) fn of(
+        polyhedron: &Polyhedron<'_>,
+        is_near: &[bool],
+        envelope: f64,
+        look: Option<Vec3>,
+    ) -> Self {
+        let around = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+        let mut found = Self { rims: Vec::new(), bounds: Vec::new(), around, look };
         for (number, edge) in polyhedron.edges().iter().enumerate() {
             if !edge.corners.iter().any(|&end| is_near[end as usize]) {
                 continue;
             }
             let [from, to] = polyhedron.ends(edge);
             let along = to - from;
+            // Its normals are across it.
+            if look.is_some_and(|look| is_steep(along, look)) {
+                continue;
+            }
             let faces = edge.faces.map(|face| polyhedron.plane(face));
             let out_of = |own: usize| {
                 let out = faces[own].0.cross(along);
@@ -89,6 +111,7 @@ impl Rims {
         }
         let way = q - p;
         let square = way.length_squared();
+        let is_beside = self.look.is_some_and(|look| is_steep(way, look));
         for rim in self.rims.iter().zip(&self.bounds).filter(|(_, bounds)| meets(bounds)).map(|(rim, _)| rim)
         {
             let &Rim { number, from, along, faces, .. } = rim;
@@ -99,7 +122,8 @@ impl Rims {
             let over_t = of_way * along_square - of_along * mixed;
             let over_s = of_way * mixed - of_along * square;
             // Divided only where it is needed: a fraction lies inside if its numerator does.
-            if determinant > PARALLEL * square * along_square
+            if !is_beside
+                && determinant > PARALLEL * square * along_square
                 && lies_inside(over_t, determinant)
                 && lies_inside(over_s, determinant)
             {
@@ -114,7 +138,8 @@ impl Rims {
             }
             for (side, (normal, offset, out)) in faces.into_iter().enumerate() {
                 let (to_border, rate) = (out.dot(start), out.dot(way));
-                if !lies_inside(to_border, rate) {
+                let counts = self.look.is_none_or(|look| look.dot(normal).abs() >= SAME_PATCH);
+                if !counts || !lies_inside(to_border, rate) {
                     continue;
                 }
                 let point = p + to_border / rate * way;
@@ -164,7 +189,7 @@ mod tests {
                 Polyhedron::new(Solid::Placed { shape: &shape, position: Vec3::ZERO, orientation }).unwrap();
             let distance = |p: Vec3| shape.form().signed_distance(orientation.conjugate() * p);
             let [p, q] = ends.map(Vec3::from_array);
-            let rims = Rims::of(&polyhedron, &vec![true; polyhedron.corners().len()], 10.0);
+            let rims = Rims::of(&polyhedron, &vec![true; polyhedron.corners().len()], 10.0, None);
             let mut least = distance(p).value.min(distance(q).value);
             let mut found = Vec::new();
             rims.points([p, q], &mut |at| found.push(at));

@@ -2,7 +2,7 @@
 //! and cones with each other and with those through the collision library's manifolds (GJK, then clipping of
 //! the touching faces); and for both the points within the envelope that these leave out (`corners`).
 
-use super::corners::{add_corners, foremost};
+use super::corners::{Known, add_corners, foremost};
 use super::polish::polish;
 use super::polyhedra::{Polyhedron, polyhedron_contacts};
 use super::reduce::Touch;
@@ -61,15 +61,17 @@ pub(crate) fn manifold_contacts(
     let solids = [a, b].map(|solid| solid.seen_from(origin));
     let polyhedra = solids.map(Polyhedron::new);
     let mut found = Vec::new();
-    let mut nearest = None;
+    let (mut nearest, mut known) = (None, Known::Nothing);
     if let [Some(one), Some(other)] = &polyhedra {
-        if !polyhedron_contacts(one, other, unit, envelope, &mut found) {
-            return;
+        match polyhedron_contacts(one, other, unit, envelope, &mut found) {
+            Some(true) if !found.is_empty() => known = Known::Distance,
+            Some(_) => {}
+            None => return,
         }
     } else {
         nearest = library_contacts(solids, unit, envelope, &mut found);
+        known = nearest.map_or(Known::Nothing, |touch: Touch| Known::Normal(-touch.normal));
     }
-    let known = nearest.map(|touch: Touch| -touch.normal);
     add_corners(solids, known, polyhedra.each_ref().map(Option::as_ref), (unit, envelope), &mut found);
     // Where the rims and mantles of round solids have no point as near.
     let is_lost = |nearest: &Touch| found.iter().all(|touch| touch.gap > nearest.gap + SAME * unit);

@@ -8,11 +8,12 @@ use super::reduce::{Touch, reduce};
 use crate::math::{Mat3, Quat, Vec3, mix};
 use crate::shape::{Capsule, Geometry, HalfSpace, Shape, Sphere};
 use parry3d_f64::bounding_volume::Aabb;
+use std::sync::Arc;
 
 /// A geometry with what the collision phase derives from it once.
 pub(crate) struct Collidable {
     /// The geometry it was made from.
-    pub geometry: Geometry,
+    pub geometry: Arc<Geometry>,
     /// Radius of a ball about the body's origin that holds it; infinite with a plane.
     pub bounding_radius: f64,
     /// The radius, where the geometry is one sphere about the body's origin: the hot path.
@@ -28,7 +29,8 @@ pub(crate) struct Collidable {
 }
 
 impl Collidable {
-    pub(crate) fn new(geometry: &Geometry) -> Self {
+    pub(crate) fn new(geometry: impl Into<Arc<Geometry>>) -> Self {
+        let geometry = geometry.into();
         let tree = |shape: &Shape| match shape {
             Shape::Mesh(mesh) => Some(TriangleTree::new(mesh)),
             _ => None,
@@ -44,7 +46,7 @@ impl Collidable {
             trees: geometry.parts.iter().map(|part| tree(&part.shape)).collect(),
             part_radius: geometry.parts.iter().map(|part| part.shape.bounding_radius()).collect(),
             part_bounds: geometry.parts.iter().map(|part| bounds(&part.shape)).collect(),
-            geometry: geometry.clone(),
+            geometry,
         }
     }
 }

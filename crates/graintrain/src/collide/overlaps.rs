@@ -5,6 +5,7 @@ use crate::contact::Contact;
 use crate::math::Vec3;
 use crate::shape::{Geometry, Shape};
 use crate::world::World;
+use std::sync::Arc;
 
 /// Two bodies that overlap.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,7 +41,7 @@ pub fn deepest_overlap(world: &World) -> Option<Overlap> {
 /// are not computed.
 pub fn meshes_that_meet(world: &World) -> Option<[usize; 2]> {
     let is_mesh =
-        |geometry: &Geometry| geometry.parts.iter().any(|part| matches!(part.shape, Shape::Mesh(_)));
+        |geometry: &Arc<Geometry>| geometry.parts.iter().any(|part| matches!(part.shape, Shape::Mesh(_)));
     let meshes: Vec<bool> = world.geometries.iter().map(is_mesh).collect();
     let with_mesh = (0..world.bodies.len()).filter(|&body| meshes[world.bodies.geometry[body].index()]);
     let with_mesh: Vec<usize> = with_mesh.collect();

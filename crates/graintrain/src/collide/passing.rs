@@ -8,11 +8,15 @@ use super::sweep::{advanced, arrivals, comes_within, time_of_impact};
 use crate::assemble::of_each;
 use crate::contact::Contact;
 use crate::math::{Quat, Vec3};
+use crate::shape::Shape;
 use crate::world::World;
 use rayon::prelude::*;
 
 /// Poses of a pair looked at to see whether it passes.
 const POSES: f64 = 512.0;
+
+/// Points looked at for one that lies inside both bodies of a pair.
+const LOOKS: usize = 6;
 
 impl Collider {
     /// Whether two bodies of the world that move with these velocities (u, w), as a step moves them, nowhere
@@ -188,6 +192,9 @@ fn overlap_on_way(
     for k in 1..=poses {
         let share = f64::from(k) / f64::from(poses);
         let [a, b] = [(a, velocities[0]), (b, velocities[1])].map(|(x, v)| advanced(x, v, share * step));
+        if certain_overlap(a, b, most + fall * share) > most + fall * share {
+            return f64::INFINITY;
+        }
         touches.clear();
         body_contacts(a, b, 0.0, &mut touches);
         let overlaps = touches.iter().map(|touch| -touch.gap - fall * share);
@@ -197,4 +204,41 @@ fn overlap_on_way(
         }
     }
     deepest
+}
+
+/// A bound from below of how deep two bodies overlap, m, as soon as it is above `enough`: twice the radius of
+/// a ball about a point between their origins that lies inside both. Zero or less where none is found, or
+/// they are no convex solids. Cost: at most [`LOOKS`] distances of each.
+fn certain_overlap(a: Placed<'_>, b: Placed<'_>, enough: f64) -> f64 {
+    let [Some(depth_a), Some(depth_b)] = [a, b].map(depth_inside) else { return 0.0 };
+    let way = b.position - a.position;
+    // Where both are as deep: on the way A's depth falls, and B's rises.
+    let (mut near, mut far) = (0.0, 1.0);
+    let mut deepest = 0.0_f64;
+    for _ in 0..LOOKS {
+        let at = 0.5 * (near + far);
+        let point = a.position + at * way;
+        let [in_a, in_b] = [depth_a(point), depth_b(point)];
+        deepest = deepest.max(2.0 * in_a.min(in_b));
+        if deepest > enough {
+            break;
+        }
+        if in_a > in_b {
+            near = at;
+        } else {
+            far = at;
+        }
+    }
+    deepest
+}
+
+/// How deep a point of the world lies inside a body that is one convex solid, m.
+fn depth_inside(placed: Placed<'_>) -> Option<impl Fn(Vec3) -> f64> {
+    let [part] = &placed.form.geometry.parts[..] else { return None };
+    if matches!(part.shape, Shape::Mesh(_) | Shape::Plane(_)) {
+        return None;
+    }
+    let part = placed.part(0);
+    let inverse = part.orientation.conjugate();
+    Some(move |p: Vec3| -part.shape.form().signed_distance(inverse * (p - part.position)).value)
 }

@@ -19,7 +19,7 @@ pub struct Newcomer(Collidable);
 impl Newcomer {
     /// Of this geometry.
     pub fn new(geometry: &Geometry) -> Self {
-        Self(Collidable::new(geometry))
+        Self(Collidable::new(geometry.clone()))
     }
 
     /// Radius of a ball about its origin that holds it, m.

@@ -252,17 +252,17 @@ struct Separation {
     are_nearest: bool,
 }
 
-/// Adds the contacts of two polyhedra with gap up to the envelope, normals from B to A; `false` if they are
-/// farther apart than the envelope. `unit` is the size of the smaller one.
+/// Adds the contacts of two polyhedra with gap up to the envelope, normals from B to A. Returned is whether
+/// the least gap is that of all points, or `None` if they are farther apart than the envelope. `unit` is the
+/// size of the smaller one.
 pub(crate) fn polyhedron_contacts(
     a: &Polyhedron<'_>,
     b: &Polyhedron<'_>,
     unit: f64,
     envelope: f64,
     touches: &mut Vec<Touch>,
-) -> bool {
-    let Some(separation) = separation(a, b, unit, envelope) else { return false };
-    let Separation { normal, gap, points: [p, q], are_nearest } = separation;
+) -> Option<bool> {
+    let Separation { normal, gap, points: [p, q], are_nearest } = separation(a, b, unit, envelope)?;
     let is_near = |p: Vec3, q: Vec3| {
         let away = p - q;
         (away - away.dot(normal) * normal).length_squared() <= (NAMED * unit).powi(2)
@@ -288,7 +288,8 @@ pub(crate) fn polyhedron_contacts(
         let feature = known.unwrap_or_else(|| name(point, NEAREST));
         touches.push(Touch { point, normal: -normal, gap, feature });
     }
-    true
+    // Nothing is deeper inside the other than they overlap.
+    Some(are_nearest || gap <= 0.0)
 }
 
 /// A bound of the distance of two polyhedra from above, m; `None` if they are seen to be farther apart than

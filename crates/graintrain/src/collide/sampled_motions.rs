@@ -141,7 +141,7 @@ fn random_vector(random: &mut Pcg64) -> Vec3 {
 
 /// Deepest overlap, in envelopes, that motions allowed by the contacts of random near pairs lead to.
 fn worst(a: &Shape, b: &Shape, cases: usize) -> f64 {
-    let [form_a, form_b] = [a, b].map(|shape| Collidable::new(&Geometry::single(shape.clone()).unwrap()));
+    let [form_a, form_b] = [a, b].map(|shape| Collidable::new(Geometry::single(shape.clone()).unwrap()));
     let mut random = Pcg64::seed_from_u64(1);
     let mut worst: f64 = 0.0;
     let radius = a.bounding_radius();
@@ -231,7 +231,7 @@ fn motions_that_the_contacts_allow_do_not_overlap() {
 
 #[test]
 fn all_lower_corners_of_a_tilted_box_are_contacts() {
-    let form = |half: Vec3| Collidable::new(&Geometry::cuboid(half).unwrap());
+    let form = |half: Vec3| Collidable::new(Geometry::cuboid(half).unwrap());
     let (upper, lower) = (form(Vec3::new(0.1, 0.08, 0.05)), form(Vec3::new(0.5, 0.5, 0.1)));
     let orientation = Quat::from_rotation_y(20.0_f64.to_radians());
     let corner = |x: f64, y: f64, z: f64| orientation * Vec3::new(0.1 * x, 0.08 * y, 0.05 * z);
@@ -254,7 +254,7 @@ fn all_lower_corners_of_a_tilted_box_are_contacts() {
 /// Aligned blocks of the same size, one resting on the other, shifted by a hair: nothing holds up sliding.
 #[test]
 fn a_hair_beyond_the_edge_makes_no_sideways_contact() {
-    let form = Collidable::new(&Geometry::cuboid(Vec3::splat(0.1)).unwrap());
+    let form = Collidable::new(Geometry::cuboid(Vec3::splat(0.1)).unwrap());
     for gap in [0.0, -1e-9, 1e-12, 1e-9, 1e-6, 1e-4] {
         for shift in [0.0, 1e-17, 1e-12, 1e-9, 1e-6, 1e-4] {
             let touches = contacts(&form, Vec3::new(shift, -shift, 0.2 + gap), Quat::IDENTITY, &form, 0.05);
@@ -272,7 +272,7 @@ fn a_hair_beyond_the_edge_makes_no_sideways_contact() {
 /// Blocks diagonally apart, no face over another: the pair is found with its true distance.
 #[test]
 fn blocks_diagonally_apart_have_their_true_distance() {
-    let form = Collidable::new(&Geometry::cuboid(Vec3::splat(0.1)).unwrap());
+    let form = Collidable::new(Geometry::cuboid(Vec3::splat(0.1)).unwrap());
     let touches = contacts(&form, Vec3::new(0.23, 0.05, 0.24), Quat::IDENTITY, &form, 0.1);
     let least = touches.iter().map(|touch| touch.gap).fold(f64::INFINITY, f64::min);
     assert!((least - 0.05).abs() < 1e-12, "{touches:?}");

@@ -130,7 +130,7 @@ mod tests {
             Geometry::cone(0.4, 0.3, 0.1),
             Ok(Geometry::plane()),
         ];
-        all.map(|geometry| Collidable::new(&geometry.unwrap())).into_iter().collect()
+        all.map(|geometry| Collidable::new(geometry.unwrap())).into_iter().collect()
     }
 
     proptest! {

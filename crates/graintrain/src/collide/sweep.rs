@@ -403,7 +403,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn form(geometry: Geometry) -> Collidable {
-        Collidable::new(&geometry)
+        Collidable::new(geometry)
     }
 
     fn placed(form: &Collidable, position: Vec3) -> Placed<'_> {
