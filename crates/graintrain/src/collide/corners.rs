@@ -406,7 +406,7 @@ impl Solid<'_> {
     }
 
     /// Distance of a point of the world, up to the envelope, and how far its nearest point lies inside a
-    /// face, m (negative on an edge); `None` beyond, behind a triangle, and beside it.
+    /// face, m (negative on an edge); `None` beyond, and behind a triangle.
     fn distance(self, p: Vec3, envelope: f64) -> Option<(Distance, f64)> {
         match self {
             Self::Placed { shape, position, orientation } => {
@@ -419,13 +419,18 @@ impl Solid<'_> {
                 let [a, b, c] = corners;
                 let face = (b - a).cross(c - a).normalize();
                 let (foot, feature) = nearest_on_triangle(p, corners);
-                let value = face.dot(p - foot);
+                let height = face.dot(p - foot);
                 let edge = |k: usize| {
                     let along = (corners[(k + 1) % 3] - corners[k]).normalize();
                     face.cross(along).dot(foot - corners[k])
                 };
-                let over = feature == TriangleFeature::Face && value > 0.0 && value <= envelope;
-                over.then(|| (Distance { value, normal: face }, edge(0).min(edge(1)).min(edge(2))))
+                let found = if feature == TriangleFeature::Face {
+                    (Distance { value: height, normal: face }, edge(0).min(edge(1)).min(edge(2)))
+                } else {
+                    let value = (p - foot).length();
+                    (Distance { value, normal: (p - foot) / value }, f64::NEG_INFINITY)
+                };
+                (height > 0.0 && found.0.value <= envelope).then_some(found)
             }
         }
     }

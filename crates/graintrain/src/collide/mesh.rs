@@ -110,6 +110,9 @@ const LOWEST: u64 = 1 << 62;
 /// Cosine of an angle up to which a normal may be that of a face, 6 degrees.
 const NEARLY: f64 = 0.995;
 
+/// Sine of that angle.
+const STEEP: f64 = 0.1;
+
 impl TriangleTree {
     pub(crate) fn new(Mesh { vertices, triangles, solid }: &Mesh) -> Self {
         let mut numbers: HashMap<[u64; 3], u32> = HashMap::new();
@@ -331,13 +334,15 @@ impl TriangleTree {
     /// Where the normal tilts from the face of the triangle over an edge or corner beyond which the surface
     /// rises along it, so that the points beyond are nearer to the body and the edge bears nothing: the sine
     /// by which what is beyond rises in front of the face, negative at a ridge. `None` elsewhere.
-    fn rise_beyond(&self, candidate: &Candidate) -> Option<f64> {
+    fn rise_beyond(&self, candidate: &Candidate) -> Option<[f64; 2]> {
         let (normal, triangle) = (candidate.touch.normal, candidate.triangle);
         let (corners, shared) = (self.corners[triangle as usize], self.shared[triangle as usize]);
         let rise = |way: Vec3| {
             let way = way.normalize_or_zero();
-            (normal.dot(way) > LEVEL).then(|| candidate.toward.dot(way))
+            let rate = normal.dot(way);
+            (rate > LEVEL).then(|| [candidate.toward.dot(way), rate])
         };
+        let largest = |one: [f64; 2], other: [f64; 2]| [0, 1].map(|k| one[k].max(other[k]));
         match self.exit(triangle, candidate.foot, normal) {
             TriangleFeature::Face => None,
             TriangleFeature::Edge(k) => {
@@ -350,13 +355,13 @@ impl TriangleTree {
                         (0..3).find(|&i| numbers[i] != shared[ends[0]] && numbers[i] != shared[ends[1]])?;
                     rise((self.corners[other as usize][apex] - corners[k]).reject_from(along))
                 });
-                beyond.reduce(f64::max)
+                beyond.reduce(largest)
             }
             TriangleFeature::Vertex(k) => {
                 let number = [shared[k]];
                 let others = self.sharing(triangle, &number);
                 let ways = others.flat_map(|other| self.corners[other as usize].map(|p| p - corners[k]));
-                ways.filter_map(rise).reduce(f64::max)
+                ways.filter_map(rise).reduce(largest)
             }
         }
     }
@@ -373,14 +378,19 @@ impl TriangleTree {
             if cosine.abs() > 1.0 - 0.5 * LEVEL * LEVEL {
                 return true;
             }
-            let Some(rise) = self.rise_beyond(candidate) else { return true };
+            let Some([rise, rate]) = self.rise_beyond(candidate) else { return true };
             let touch = &mut candidate.touch;
             let (overlap, apart) = ((-touch.gap).max(0.0), touch.gap.abs());
             let on_body = touch.point + 0.5 * touch.gap * touch.normal;
             let is_face = cosine.abs() > NEARLY;
+            if !is_face && touch.gap <= 0.0 && rate <= STEEP {
+                return true;
+            }
             let is_back = candidate.side.is_none() && is_face && cosine < 0.0;
             touch.normal = if is_back { -candidate.toward } else { candidate.toward };
-            let on_body = visitor.foremost_around(on_body, touch.normal);
+            let foremost = visitor.foremost_around(on_body, touch.normal);
+            let is_moved = foremost != on_body;
+            let on_body = foremost;
             let gap = touch.normal.dot(on_body - corners[0]);
             let hair = LEVEL * visitor.shape.bounding_radius();
             if touch.gap > 0.0 && gap < -hair {
@@ -392,7 +402,9 @@ impl TriangleTree {
             let foot = on_body - touch.gap * touch.normal;
             let beside = (nearest_on_triangle(foot, corners).0 - foot).length();
             let way = if rise > LEVEL { apart } else { overlap };
-            is_face || way > 0.0 && beside <= way + hair
+            let is_over = way > 0.0 && beside <= way + hair;
+            // The lowest place of what is round is held where it lies over the surface.
+            is_over || is_face && !(is_moved && beside > hair)
         });
     }
 
@@ -436,6 +448,7 @@ impl TriangleTree {
                 // A face contact nearby already holds the body off along the true normal.
                 _ => {
                     other.feature != TriangleFeature::Face
+                        || other.toward.dot(other.touch.normal).abs() < NEARLY
                         || apart > 1e-2 * visitor.shape.bounding_radius()
                         || other.touch.normal.dot(candidate.touch.normal) > 1.0 - 1e-12
                 }
@@ -470,6 +483,9 @@ pub(crate) fn triangle_feature(triangle: u32, feature: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::hull::Hull;
+    use crate::math::rotation_exponential;
+    use crate::shape::{Cuboid, Cylinder};
 
     #[test]
     fn triangles_that_share_an_edge_or_corner_are_those_that_a_search_of_all_finds() {
@@ -490,6 +506,68 @@ mod tests {
                 let expected: Vec<u32> = (0..triangles.len() as u32).filter(shares).collect();
                 assert_eq!(mesh.sharing(triangle, corners).collect::<Vec<_>>(), expected);
             }
+        }
+    }
+
+    /// Bodies near a block are as far from it, along the same normal, where it is a mesh of triangles.
+    #[test]
+    fn a_mesh_of_a_block_is_as_near_as_the_block() {
+        let half = Vec3::new(0.15, 0.141, 0.1305);
+        let sign = |k: u32, bit: u32| if k >> bit & 1 == 1 { 1.0 } else { -1.0 };
+        let vertices = (0..8).map(|k| half * Vec3::new(sign(k, 2), sign(k, 1), sign(k, 0))).collect();
+        let sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
+        let triangles = sides.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        let tree = TriangleTree::new(&Mesh { vertices, triangles, solid: true });
+        let block = Shape::Box(Cuboid { half });
+        let corners = [
+            Vec3::new(0.2, 0.0, 0.0),
+            Vec3::new(-0.2, 0.0, 0.02),
+            Vec3::new(0.0, 0.17, 0.0),
+            Vec3::new(0.0, -0.15, 0.03),
+            Vec3::new(0.02, 0.0, 0.2),
+            Vec3::new(0.0, 0.03, -0.2),
+        ];
+        let shapes = [
+            Shape::Hull(Hull::new(&corners).unwrap().0),
+            Shape::Box(Cuboid { half: Vec3::new(0.2, 0.1, 0.07) }),
+            Shape::Cylinder(Cylinder { half_length: 0.1, radius: 0.1 }),
+        ];
+        let mut state = 7_u64;
+        let mut next = move || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+        };
+        let nearest = |touches: &[Touch]| touches.iter().min_by(|a, b| a.gap.total_cmp(&b.gap)).copied();
+        for (shape, k) in shapes.iter().flat_map(|shape| (0..700).map(move |k| (shape, k))) {
+            let gap = [1e-3, 1e-4, -1e-6][k % 3];
+            let orientation = rotation_exponential(3.0 * Vec3::new(next(), next(), next()));
+            let way = Vec3::new(next(), next(), next()).normalize();
+            let from_block = |distance: f64| {
+                let solid = Solid::Placed { shape, position: distance * way, orientation };
+                let other =
+                    Solid::Placed { shape: &block, position: Vec3::ZERO, orientation: Quat::IDENTITY };
+                let mut touches = Vec::new();
+                manifold_contacts(solid, other, 0.2, distance * way, 1.0, &mut touches);
+                nearest(&touches)
+            };
+            let (mut inside, mut outside) = (0.0, 1.0);
+            for _ in 0..40 {
+                let middle = 0.5 * (inside + outside);
+                let is_apart = from_block(middle).is_none_or(|touch| touch.gap > gap);
+                *(if is_apart { &mut outside } else { &mut inside }) = middle;
+            }
+            let exact = from_block(outside).unwrap();
+            // Where it jumps there is no such place.
+            if (exact.gap - gap).abs() > 1e-7 {
+                continue;
+            }
+            let mut touches = Vec::new();
+            tree.contacts(&Visitor { shape, position: outside * way, orientation }, 5e-3, &mut touches);
+            let found = nearest(&touches).unwrap();
+            // Along the normal that parts it from one triangle it may be nearer.
+            let allowed = if gap > 5e-4 { 2e-4 } else { 1e-5 };
+            assert!((found.gap - gap).abs() < allowed, "{k}: {found:?} instead of {exact:?}");
+            assert!(gap > 5e-4 || found.normal.dot(exact.normal) > 0.999, "{k}: {found:?} {exact:?}");
         }
     }
 }
