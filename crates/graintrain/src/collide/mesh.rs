@@ -332,8 +332,9 @@ impl TriangleTree {
     }
 
     /// Where the normal tilts from the face of the triangle over an edge or corner beyond which the surface
-    /// rises along it, so that the points beyond are nearer to the body and the edge bears nothing: the sine
-    /// by which what is beyond rises in front of the face, negative at a ridge. `None` elsewhere.
+    /// rises along it, so that the points beyond are nearer to the body and the edge bears nothing: the sines
+    /// by which what is beyond rises in front of the face, negative at a ridge, and along the normal. `None`
+    /// elsewhere.
     fn rise_beyond(&self, candidate: &Candidate) -> Option<[f64; 2]> {
         let (normal, triangle) = (candidate.touch.normal, candidate.triangle);
         let (corners, shared) = (self.corners[triangle as usize], self.shared[triangle as usize]);
@@ -347,13 +348,17 @@ impl TriangleTree {
             TriangleFeature::Face => None,
             TriangleFeature::Edge(k) => {
                 let ends = [k, (k + 1) % 3];
-                let along = corners[ends[1]] - corners[ends[0]];
+                let along = (corners[ends[1]] - corners[ends[0]]).normalize_or_zero();
+                let level = normal.reject_from(candidate.toward);
+                let beside = level.dot(along) * along;
                 let numbers = ends.map(|end| shared[end]);
                 let beyond = self.sharing(triangle, &numbers).filter_map(|other| {
                     let numbers = self.shared[other as usize];
                     let apex =
                         (0..3).find(|&i| numbers[i] != shared[ends[0]] && numbers[i] != shared[ends[1]])?;
-                    rise((self.corners[other as usize][apex] - corners[k]).reject_from(along))
+                    // On over the edge, as the normal leads.
+                    let over = (self.corners[other as usize][apex] - corners[k]).reject_from(along);
+                    rise(beside + (level - beside).length() * over.normalize_or_zero())
                 });
                 beyond.reduce(largest)
             }
@@ -383,6 +388,7 @@ impl TriangleTree {
             let (overlap, apart) = ((-touch.gap).max(0.0), touch.gap.abs());
             let on_body = touch.point + 0.5 * touch.gap * touch.normal;
             let is_face = cosine.abs() > NEARLY;
+            // On a ridge, which falls on all sides but for a little, the normal is its own.
             if !is_face && touch.gap <= 0.0 && rate <= STEEP {
                 return true;
             }

@@ -773,3 +773,51 @@ fn discs_tip_over_borders_and_bodies_stay_in_shells() {
         }
     }
 }
+
+/// Over the edge of a block of small triangles things slide without friction as over that of a box: a face
+/// that lies on the corners of triangles has its own normal, and a disc is not pushed off the side below it.
+#[test]
+fn edges_of_fine_meshes_bear_faces_as_edges_of_boxes() {
+    let half = Vec3::new(0.3, 0.4, 0.25);
+    let tilt = Quat::from_rotation_y(0.6);
+    let plank = (Geometry::cuboid(Vec3::new(0.6, 0.25, 0.025)).unwrap(), Quat::from_rotation_x(2e-3) * tilt);
+    let disc = (Geometry::cylinder(0.05, 0.15).unwrap(), Quat::IDENTITY);
+    let over_edge = Vec3::new(0.3, 0.01, 0.25) + plank.1 * Vec3::new(0.03, 0.0, 0.0256);
+    let bodies = [(plank, over_edge, Vec3::ZERO, 0.3), (disc, Vec3::new(0.1, 0.03, 0.3), 0.3 * Vec3::X, 0.6)];
+    for ((shape, orientation), place, velocity, end) in bodies {
+        for (model, step) in BOTH.into_iter().flat_map(|model| [(model, 1e-3), (model, 5e-3)]) {
+            let run = |cuts: Option<u32>| {
+                let mut world = world(0.0, 0.0);
+                if let Some(cuts) = cuts {
+                    let (vertices, triangles) = brick(half, cuts);
+                    add_surface(&mut world, vertices, triangles, Motion::fixed());
+                } else {
+                    let geometry = world.add_geometry(Geometry::cuboid(half).unwrap());
+                    let motion = world.add_motion(Motion::fixed()).unwrap();
+                    let block = Body::new(geometry, MaterialId::default(), Vec3::ZERO);
+                    world.add_body(Body { motion, ..block }).unwrap();
+                }
+                let geometry = world.add_geometry(shape.clone());
+                let body = Body { orientation, ..Body::new(geometry, MaterialId::default(), place) };
+                let body = world.add_body(body).unwrap().index();
+                world.bodies.velocity[body] = velocity;
+                let mut stepper = stepper(step, model);
+                for k in 0..(end / step) as usize {
+                    let report = stepper.step(&mut world).unwrap();
+                    assert!(report.overlap_corrected_max < 1e-3, "{k}: {}", report.overlap_corrected_max);
+                }
+                (world.bodies.position[body], world.bodies.velocity[body])
+            };
+            let (place, velocity) = run(None);
+            for cuts in [1, 8, 20] {
+                let (at, with) = run(Some(cuts));
+                let apart = [(at - place).length(), (with - velocity).length()];
+                let allowed = 0.02 * velocity.length();
+                assert!(
+                    apart[0] < 0.3 * allowed && apart[1] < allowed,
+                    "{model:?} {step} {cuts}: {apart:?} {velocity}"
+                );
+            }
+        }
+    }
+}
