@@ -65,7 +65,7 @@ fn overlap(a: &Part, b: &Part) -> bool {
         return true;
     }
     let Ok([form_a, form_b]) = [a, b]
-        .map(|part| Geometry::single(part.shape.clone()).map(|geometry| Collidable::new(geometry)))
+        .map(|part| Geometry::single(part.shape.clone()).map(Collidable::new))
         .into_iter()
         .collect::<Result<Vec<_>, _>>()
         .map(|forms| <[Collidable; 2]>::try_from(forms).unwrap_or_else(|_| unreachable!("two parts")))
