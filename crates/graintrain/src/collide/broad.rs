@@ -219,7 +219,11 @@ impl Collider {
         self.forms.truncate(world.geometries.len());
         for (index, geometry) in world.geometries.iter().enumerate() {
             match self.forms.get_mut(index) {
-                Some(form) if Arc::ptr_eq(&form.geometry, geometry) || form.geometry == *geometry => continue,
+                Some(form) if Arc::ptr_eq(&form.geometry, geometry) => continue,
+                Some(form) if form.geometry == *geometry => {
+                    form.geometry = Arc::clone(geometry);
+                    continue;
+                }
                 Some(form) => *form = Collidable::new(Arc::clone(geometry)),
                 None => self.forms.push(Collidable::new(Arc::clone(geometry))),
             }

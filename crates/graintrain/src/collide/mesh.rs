@@ -110,8 +110,8 @@ const LOWEST: u64 = 1 << 62;
 /// Cosine of an angle up to which a normal may be that of a face, 6 degrees.
 const NEARLY: f64 = 0.995;
 
-/// Sine of that angle.
-const STEEP: f64 = 0.1;
+/// Less than this of what a flat surface rises along a normal makes a ridge.
+const RIDGE: f64 = 0.5;
 
 impl TriangleTree {
     pub(crate) fn new(Mesh { vertices, triangles, solid }: &Mesh) -> Self {
@@ -344,12 +344,12 @@ impl TriangleTree {
             (rate > LEVEL).then(|| [candidate.toward.dot(way), rate])
         };
         let largest = |one: [f64; 2], other: [f64; 2]| [0, 1].map(|k| one[k].max(other[k]));
+        let level = normal.reject_from(candidate.toward);
         match self.exit(triangle, candidate.foot, normal) {
             TriangleFeature::Face => None,
             TriangleFeature::Edge(k) => {
                 let ends = [k, (k + 1) % 3];
                 let along = (corners[ends[1]] - corners[ends[0]]).normalize_or_zero();
-                let level = normal.reject_from(candidate.toward);
                 let beside = level.dot(along) * along;
                 let numbers = ends.map(|end| shared[end]);
                 let beyond = self.sharing(triangle, &numbers).filter_map(|other| {
@@ -365,7 +365,22 @@ impl TriangleTree {
             TriangleFeature::Vertex(k) => {
                 let number = [shared[k]];
                 let others = self.sharing(triangle, &number);
-                let ways = others.flat_map(|other| self.corners[other as usize].map(|p| p - corners[k]));
+                let ways = others.flat_map(|other| {
+                    let face = self.face(other);
+                    let [a, b, c] = self.corners[other as usize].map(|p| p - corners[k]);
+                    // Along its edges, and as the normal leads where that is between them.
+                    let lead = level.reject_from(face);
+                    let ends = if a == Vec3::ZERO {
+                        [b, c]
+                    } else if b == Vec3::ZERO {
+                        [c, a]
+                    } else {
+                        [a, b]
+                    };
+                    let is_between =
+                        face.dot(ends[0].cross(lead)) >= 0.0 && face.dot(lead.cross(ends[1])) >= 0.0;
+                    [ends[0], ends[1], if is_between { lead } else { Vec3::ZERO }]
+                });
                 ways.filter_map(rise).reduce(largest)
             }
         }
@@ -375,7 +390,8 @@ impl TriangleTree {
     /// gap. Where the normal is nearly that of the triangle's face (the library's is one of the body's own
     /// faces, or rough where bodies barely touch), it becomes that; so in the corner of a valley, whose other
     /// slope is in front of the face; and so where the body overlaps the triangle and lies over it: the least
-    /// way out of one triangle may lead along the surface, out of the surface it does not.
+    /// way out of one triangle may lead along the surface, out of the surface it does not. What touches a
+    /// ridge keeps its normal.
     fn leave_surface(&self, candidates: &mut Vec<Candidate>, visitor: &Visitor<'_>) {
         candidates.retain_mut(|candidate| {
             let corners = self.corners[candidate.triangle as usize];
@@ -388,8 +404,8 @@ impl TriangleTree {
             let (overlap, apart) = ((-touch.gap).max(0.0), touch.gap.abs());
             let on_body = touch.point + 0.5 * touch.gap * touch.normal;
             let is_face = cosine.abs() > NEARLY;
-            // On a ridge, which falls on all sides but for a little, the normal is its own.
-            if !is_face && touch.gap <= 0.0 && rate <= STEEP {
+            // A flat surface rises by the sine of the normal; on a ridge the normal is its own.
+            if touch.gap <= 0.0 && rate < RIDGE * (1.0 - cosine * cosine).sqrt() {
                 return true;
             }
             let is_back = candidate.side.is_none() && is_face && cosine < 0.0;
