@@ -73,7 +73,7 @@ pub struct World {
     pub(crate) ignored: Vec<[BodyId; 2]>,
     /// The cell in which space repeats, if it does: see [`World::set_cell`].
     pub(crate) cell: Option<Cell>,
-    /// Geometries shared by bodies, and with what is derived from them between steps.
+    /// Geometries, shared by bodies and by what collision derives from them.
     pub geometries: Vec<Arc<Geometry>>,
     /// Materials.
     pub materials: Materials,

@@ -183,7 +183,10 @@ fn library_manifold(
 mod tests {
     use super::*;
     use crate::collide::reduce::reduce;
+    use crate::hull::Hull;
+    use crate::math::rotation_exponential;
     use crate::shape::Cuboid;
+    use proptest::prelude::*;
 
     /// Boxes on each other whose faces cover each other but for the last digits: four corners, whatever these
     /// digits are.
@@ -242,6 +245,45 @@ mod tests {
                 let number = |i: usize| 1e-7 * (1.234 * (k * k + i * 37) as f64).sin();
                 let tilt = Vec3::new(number(0), number(1), number(2));
                 assert_eq!(numbers(case, turn, tilt), first, "{k}");
+            }
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+
+        /// Where the least distance is known, no contact is lost with the points of edges that are not looked
+        /// at for it.
+        #[test]
+        fn a_known_distance_leaves_out_no_contact(
+            place in prop::array::uniform3(-1.0..1.0_f64),
+            turns in prop::array::uniform2(prop::array::uniform3(-3.0..3.0_f64)),
+            (distance, tilt) in (0.2..1.0_f64, 0..3_i32),
+        ) {
+            let point = |k: u32| {
+                let (a, b) = (1.7 * f64::from(k), 2.9 * f64::from(k));
+                Vec3::new(0.5 * a.sin(), 0.4 * b.cos(), 0.3 * (a + b).sin())
+            };
+            let hull = Shape::Hull(Hull::new(&(0..20).map(point).collect::<Vec<_>>()).unwrap().0);
+            let block = Shape::Box(Cuboid { half: Vec3::new(0.5, 0.3, 0.2) });
+            // Boxes nearly face to face, or hulls and boxes anyhow.
+            let small = [1.0, 1e-2, 1e-4][tilt as usize];
+            let position = distance * Vec3::from_array(place).normalize_or(Vec3::Z);
+            let turns = turns.map(|turn| rotation_exponential(small * Vec3::from_array(turn)));
+            let one = if tilt == 0 { &hull } else { &block };
+            let solids = [(one, Vec3::ZERO, turns[0]), (&block, position, turns[1])]
+                .map(|(shape, position, orientation)| Solid::Placed { shape, position, orientation });
+            let polyhedra = solids.map(|solid| Polyhedron::new(solid).unwrap());
+            let (unit, envelope) = (0.5, 0.05);
+            let mut found = Vec::new();
+            if polyhedron_contacts(&polyhedra[0], &polyhedra[1], unit, envelope, &mut found) == Some(true) {
+                let [with, without] = [Known::Distance, Known::Nothing].map(|known| {
+                    let mut touches = found.clone();
+                    let polyhedra = polyhedra.each_ref().map(Some);
+                    add_corners(solids, known, polyhedra, (unit, envelope), &mut touches);
+                    touches.iter().map(|touch| (touch.feature, touch.gap)).collect::<Vec<_>>()
+                });
+                prop_assert_eq!(with, without);
             }
         }
     }

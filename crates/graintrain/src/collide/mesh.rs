@@ -111,7 +111,7 @@ const LOWEST: u64 = 1 << 62;
 const NEARLY: f64 = 0.995;
 
 /// Less than this of what a flat surface rises along a normal makes a ridge.
-const RIDGE: f64 = 0.5;
+const RIDGE: f64 = 0.9;
 
 impl TriangleTree {
     pub(crate) fn new(Mesh { vertices, triangles, solid }: &Mesh) -> Self {
@@ -286,7 +286,7 @@ impl TriangleTree {
     /// Whether the normal leads over a ridge of the surface.
     fn is_over_ridge(&self, candidate: &Candidate) -> bool {
         let Candidate { triangle, toward, .. } = *candidate;
-        match self.exit(triangle, candidate.foot, candidate.touch.normal) {
+        match self.exit(candidate) {
             TriangleFeature::Face => false,
             TriangleFeature::Edge(k) => self.falls_beyond(triangle, &[k, (k + 1) % 3], toward),
             TriangleFeature::Vertex(k) => self.falls_beyond(triangle, &[k], toward),
@@ -314,13 +314,14 @@ impl TriangleTree {
         self.at_vertex.of(*first).iter().copied().filter(move |&other| other != triangle && has_all(other))
     }
 
-    /// The edge or corner over which the way from a point along a direction leaves the triangle; `Face` where
-    /// it does not.
-    fn exit(&self, triangle: u32, foot: Vec3, way: Vec3) -> TriangleFeature {
+    /// The edge or corner over which the way along the normal, from the nearest point, leaves the triangle;
+    /// `Face` where it does not.
+    fn exit(&self, candidate: &Candidate) -> TriangleFeature {
+        let Candidate { triangle, foot, touch: Touch { normal, .. }, .. } = *candidate;
         let corners = self.corners[triangle as usize];
         let far = corners.iter().map(|corner| (*corner - foot).length()).fold(0.0, f64::max);
         let face = self.face(triangle);
-        let way = way.reject_from(face).normalize_or_zero();
+        let way = normal.reject_from(face).normalize_or_zero();
         // Along the way to the first border; a hair beyond it the nearest feature is where it left.
         let borders = (0..3).filter_map(|k| {
             let out = (corners[(k + 1) % 3] - corners[k]).cross(face).normalize();
@@ -328,7 +329,11 @@ impl TriangleTree {
             (speed > LEVEL).then(|| (out.dot(corners[k] - foot) / speed).max(0.0))
         });
         let leaves = borders.fold(far, f64::min);
-        nearest_on_triangle(foot + (leaves + LEVEL * far) * way, corners).1
+        // As far as it overlaps the triangle its place is uncertain.
+        let near = (-candidate.touch.gap).max(0.0) + LEVEL * far;
+        let corner = (0..3).find(|&k| (corners[k] - foot - leaves * way).length() <= near);
+        let feature = || nearest_on_triangle(foot + (leaves + LEVEL * far) * way, corners).1;
+        corner.map_or_else(feature, TriangleFeature::Vertex)
     }
 
     /// Where the normal tilts from the face of the triangle over an edge or corner beyond which the surface
@@ -345,7 +350,7 @@ impl TriangleTree {
         };
         let largest = |one: [f64; 2], other: [f64; 2]| [0, 1].map(|k| one[k].max(other[k]));
         let level = normal.reject_from(candidate.toward);
-        match self.exit(triangle, candidate.foot, normal) {
+        match self.exit(candidate) {
             TriangleFeature::Face => None,
             TriangleFeature::Edge(k) => {
                 let ends = [k, (k + 1) % 3];
@@ -377,8 +382,10 @@ impl TriangleTree {
                     } else {
                         [a, b]
                     };
-                    let is_between =
-                        face.dot(ends[0].cross(lead)) >= 0.0 && face.dot(lead.cross(ends[1])) >= 0.0;
+                    // Across the face what is left of it is rounding.
+                    let is_between = lead.length() > LEVEL * level.length()
+                        && face.dot(ends[0].cross(lead)) > 0.0
+                        && face.dot(lead.cross(ends[1])) > 0.0;
                     [ends[0], ends[1], if is_between { lead } else { Vec3::ZERO }]
                 });
                 ways.filter_map(rise).reduce(largest)
@@ -410,9 +417,8 @@ impl TriangleTree {
             }
             let is_back = candidate.side.is_none() && is_face && cosine < 0.0;
             touch.normal = if is_back { -candidate.toward } else { candidate.toward };
-            let foremost = visitor.foremost_around(on_body, touch.normal);
-            let is_moved = foremost != on_body;
-            let on_body = foremost;
+            let found_at = on_body;
+            let on_body = visitor.foremost_around(found_at, touch.normal);
             let gap = touch.normal.dot(on_body - corners[0]);
             let hair = LEVEL * visitor.shape.bounding_radius();
             if touch.gap > 0.0 && gap < -hair {
@@ -425,8 +431,9 @@ impl TriangleTree {
             let beside = (nearest_on_triangle(foot, corners).0 - foot).length();
             let way = if rise > LEVEL { apart } else { overlap };
             let is_over = way > 0.0 && beside <= way + hair;
-            // The lowest place of what is round is held where it lies over the surface.
-            is_over || is_face && !(is_moved && beside > hair)
+            // The lowest place of what is round is held where it lies over the triangle.
+            let is_elsewhere = (on_body - found_at).length() > hair && beside > hair;
+            is_over || is_face && !is_elsewhere
         });
     }
 

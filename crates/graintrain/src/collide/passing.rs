@@ -207,14 +207,15 @@ fn overlap_on_way(
 }
 
 /// A bound from below of how deep two bodies overlap, m, as soon as it is above `enough`: twice the radius of
-/// a ball about a point between their origins that lies inside both. Zero or less where none is found, or
-/// they are no convex solids. Cost: at most [`LOOKS`] distances of each.
+/// a ball about a point between their origins that lies inside both: along any normal they overlap by as
+/// much. Negative where none is found, or they are no convex solids. Cost: at most [`LOOKS`]
+/// distances of each.
 fn certain_overlap(a: Placed<'_>, b: Placed<'_>, enough: f64) -> f64 {
-    let [Some(depth_a), Some(depth_b)] = [a, b].map(depth_inside) else { return 0.0 };
+    let [Some(depth_a), Some(depth_b)] = [a, b].map(depth_inside) else { return f64::NEG_INFINITY };
     let way = b.position - a.position;
     // Where both are as deep: on the way A's depth falls, and B's rises.
     let (mut near, mut far) = (0.0, 1.0);
-    let mut deepest = 0.0_f64;
+    let mut deepest = f64::NEG_INFINITY;
     for _ in 0..LOOKS {
         let at = 0.5 * (near + far);
         let point = a.position + at * way;
@@ -241,4 +242,46 @@ fn depth_inside(placed: Placed<'_>) -> Option<impl Fn(Vec3) -> f64> {
     let part = placed.part(0);
     let inverse = part.orientation.conjugate();
     Some(move |p: Vec3| -part.shape.form().signed_distance(inverse * (p - part.position)).value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hull::Hull;
+    use crate::math::rotation_exponential;
+    use crate::shape::{Cuboid, Geometry, Sphere};
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(1000))]
+
+        /// What surely overlaps has a contact as deep.
+        #[test]
+        fn certain_overlaps_are_no_deeper_than_contacts(
+            place in prop::array::uniform3(-0.5..0.5_f64),
+            turns in prop::array::uniform2(prop::array::uniform3(-3.0..3.0_f64)),
+            kinds in prop::array::uniform2(0..3_usize),
+        ) {
+            let point = |k: u32| {
+                let (a, b) = (1.7 * f64::from(k), 2.9 * f64::from(k));
+                Vec3::new(0.5 * a.sin(), 0.4 * b.cos(), 0.3 * (a + b).sin())
+            };
+            let shapes = [
+                Shape::Hull(Hull::new(&(0..20).map(point).collect::<Vec<_>>()).unwrap().0),
+                Shape::Box(Cuboid { half: Vec3::new(0.4, 0.3, 0.1) }),
+                Shape::Sphere(Sphere { radius: 0.3 }),
+            ];
+            let forms = kinds.map(|kind| Collidable::new(Geometry::single(shapes[kind].clone()).unwrap()));
+            let turns = turns.map(|turn| rotation_exponential(Vec3::from_array(turn)));
+            let placed = |k: usize, position: Vec3| Placed { form: &forms[k], position, orientation: turns[k] };
+            let [a, b] = [placed(0, Vec3::ZERO), placed(1, Vec3::from_array(place))];
+            let mut touches = Vec::new();
+            body_contacts(a, b, 0.0, &mut touches);
+            let deepest = touches.iter().map(|touch| -touch.gap).fold(0.0, f64::max);
+            let certain = certain_overlap(a, b, f64::INFINITY);
+            prop_assert!(certain <= deepest + 1e-9, "{certain} {deepest}");
+            // Of equal balls it is all of it.
+            prop_assert!(kinds != [2, 2] || deepest == 0.0 || certain >= deepest - 1e-9, "{certain} {deepest}");
+        }
+    }
 }

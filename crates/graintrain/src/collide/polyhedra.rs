@@ -288,7 +288,8 @@ pub(crate) fn polyhedron_contacts(
         let feature = known.unwrap_or_else(|| name(point, NEAREST));
         touches.push(Touch { point, normal: -normal, gap, feature });
     }
-    // Nothing is deeper inside the other than they overlap.
+    // No point is deeper inside the other than they overlap, and the face of least depth has the point of
+    // that depth over it.
     Some(are_nearest || gap <= 0.0)
 }
 
