@@ -179,16 +179,19 @@ impl ImpactSolver<'_> {
         });
         let mut motion = Motion::of(world, of, (coupled, pressed.as_ref()), &found.velocity, step);
         let mut touched: Vec<(u32, f64)> = Vec::new();
+        // What touches together closes together, also at the very end of the step.
+        let end = (1.0 + SAME_TIME) * step;
         for pass in 0..=self.parameters.passes {
             let approaches =
                 |i: &u32| restitution[*i as usize] > 0.0 && motion.now[3 * *i as usize] < -slow[*i as usize];
             let closes = |i: &u32| {
                 let gap = of.contacts[*i as usize].gap;
-                gap <= 0.0 || gap + step * motion.later[3 * *i as usize] <= 0.0
+                gap <= 0.0 || gap + end * motion.later[3 * *i as usize] <= 0.0
             };
             let approaching = (0..of.contacts.len() as u32).filter(approaches);
             let closing = approaching.filter(closes).collect();
-            let mut closing = self.meeting(world, of.contacts, &motion, closing, step);
+            let closing = self.meeting(world, of.contacts, &motion, closing, step);
+            let mut closing = self.along_normals_of_touch(world, of.contacts, &motion, closing, step);
             // What meets more others than that in a step meets the rest of them at once.
             if 2 * pass < self.parameters.passes {
                 closing = first_of_bodies(world, of.contacts, coupled, &closing, (&motion.now, step));
@@ -267,6 +270,46 @@ impl ImpactSolver<'_> {
             passing.extend(way.iter().zip(pass).filter(|(_, pass)| *pass).map(|((.., index), _)| *index));
         }
         of.retain(|index| !passing.contains(index));
+        of
+    }
+
+    /// Of the contacts of two convex bodies those whose normals part them when they touch first; along others
+    /// they meet nowhere, or are deflected by then.
+    fn along_normals_of_touch(
+        &self,
+        world: &World,
+        contacts: &[Contact],
+        motion: &Motion,
+        mut of: Vec<u32>,
+        step: f64,
+    ) -> Vec<u32> {
+        let pair = |i: u32| {
+            let contact = &contacts[i as usize];
+            [contact.body_a.min(contact.body_b), contact.body_a.max(contact.body_b)]
+        };
+        let mut sorted = of.clone();
+        sorted.sort_by_key(|&i| (pair(i), i));
+        let mut aside = HashSet::new();
+        for group in sorted.chunk_by(|&i, &j| pair(i) == pair(j)) {
+            let contact = |i: &u32| &contacts[*i as usize];
+            if group.len() == 1 {
+                continue;
+            }
+            let pair = [contact(&group[0]).body_a, contact(&group[0]).body_b];
+            let time = |i: &u32| contact(i).gap.max(0.0) / -motion.now[3 * *i as usize];
+            let first = group.iter().map(time).fold(step, f64::min);
+            let normals: Vec<Vec3> = group.iter().map(|i| contact(i).normal).collect();
+            let velocities = pair
+                .map(|body| [0, 3].map(|k| Vec3::from_slice(&motion.driven[6 * body as usize + k..][..3])));
+            let Some(apart) = self.collider.separations(world, pair, velocities, first, &normals) else {
+                continue;
+            };
+            let best = apart.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let seen = self.repetition.undetected * self.collider.contact_size(world, contact(&group[0]));
+            let parts = group.iter().zip(apart).filter(|(_, apart)| *apart < best - seen);
+            aside.extend(parts.map(|(i, _)| *i));
+        }
+        of.retain(|i| !aside.contains(i));
         of
     }
 

@@ -3,7 +3,8 @@
 
 use super::Collider;
 use super::broad::contact;
-use super::narrow::{Collidable, Placed, body_contacts};
+use super::manifold::Solid;
+use super::narrow::{Collidable, Placed, PlacedPart, body_contacts};
 use super::sweep::{advanced, arrivals, comes_within, time_of_impact};
 use crate::assemble::of_each;
 use crate::contact::Contact;
@@ -82,6 +83,33 @@ impl Collider {
             Placed { form: self.form(world, pair[k] as usize), position, orientation }
         });
         comes_within(placed, velocities, step, reach)
+    }
+
+    /// How far planes of these normals (from B to A) part two convex bodies, as they are after this time of
+    /// moving with these velocities, m; `None` for other bodies.
+    pub(crate) fn separations(
+        &self,
+        world: &World,
+        pair: [u32; 2],
+        velocities: [[Vec3; 2]; 2],
+        time: f64,
+        normals: &[Vec3],
+    ) -> Option<Vec<f64>> {
+        let ([a, mut b], image) = self.placed_pair(world, pair);
+        if let Some(cell) = world.cell().filter(|_| image != [0; 3]) {
+            b.position += time * cell.image_velocity(image);
+        }
+        let [a, b] = [(a, velocities[0]), (b, velocities[1])].map(|(body, v)| advanced(body, v, time));
+        let is_convex = |placed: &Placed<'_>| {
+            let parts = &placed.form.geometry.parts;
+            parts.len() == 1 && !matches!(parts[0].shape, Shape::Plane(_) | Shape::Mesh(_))
+        };
+        let reach = |placed: &Placed<'_>, direction: Vec3| {
+            let PlacedPart { shape, position, orientation, .. } = placed.part(0);
+            Solid::Placed { shape, position, orientation }.reach(direction)
+        };
+        let part = |&normal: &Vec3| -reach(&a, -normal) - reach(&b, normal);
+        (is_convex(&a) && is_convex(&b)).then(|| normals.iter().map(part).collect())
     }
 
     /// The contact of two balls that are apart and touch within the step as they move now: with the normal

@@ -209,6 +209,39 @@ fn an_elastic_gas_of_boxes_and_balls_keeps_its_energy_in_long_steps() {
     assert!(kept > 0.999 && kept < 1.0 + 1e-6, "{kept}");
 }
 
+/// A cube whose face falls on the edge of a block, with its centre over it: velocities part along the normal
+/// of the face, not along that of the block's top, which is nearer at the start of a long step.
+#[test]
+fn a_face_that_falls_on_an_edge_bounces_along_its_own_normal() {
+    let half = Vec3::splat(0.1);
+    for (model, step) in BOTH.into_iter().flat_map(|model| [(model, 1e-3), (model, 5e-3), (model, 1e-2)]) {
+        for (restitution, tilt, phase) in
+            [(0.5, 0.05, 0.0), (0.5, 0.2, 0.3), (1.0, 0.2, 0.77), (1.0, 0.2, 0.0), (0.5, 0.5, 0.3)]
+        {
+            let mut world = world(0.0, restitution);
+            world.gravity = Vec3::ZERO;
+            let block = world.add_geometry(Geometry::cuboid(Vec3::new(0.2, 0.5, 0.1)).unwrap());
+            let motion = world.add_motion(Motion::fixed()).unwrap();
+            let block = Body::new(block, MaterialId::default(), Vec3::new(-0.2, 0.0, -0.1));
+            world.add_body(Body { motion, ..block }).unwrap();
+            let orientation = Quat::from_rotation_y(tilt);
+            let normal = orientation * Vec3::Z;
+            let cube = world.add_geometry(Geometry::cuboid(half).unwrap());
+            let place = 0.1 * normal + 0.02 * (1.0 + phase) * Vec3::Z;
+            let cube =
+                Body { orientation, velocity: -Vec3::Z, ..Body::new(cube, MaterialId::default(), place) };
+            let cube = world.add_body(cube).unwrap().index();
+            run(&mut stepper(step, 2e-3, 1e-8, model), &mut world, (0.06 / step) as usize);
+            let expected = (1.0 + restitution) * normal.z * normal - Vec3::Z;
+            let [velocity, spin] = [world.bodies.velocity[cube], world.bodies.angular_velocity[cube]];
+            // The arms are those of the start of the step: off by its way along the face.
+            let arm = step * normal.x;
+            let is_off = (velocity - expected).length() > 2e-3 || 0.1 * spin.length() > 31.0 * arm;
+            assert!(!is_off, "{model:?} {step} {restitution} {tilt} {phase}: {velocity} {expected} {spin}");
+        }
+    }
+}
+
 /// An elastic box that tumbles by a third of a radian in a step between six walls: its spin changes within
 /// the step, and planes of corners that pass a wall are to admit the motion that contacts are solved for.
 #[test]
