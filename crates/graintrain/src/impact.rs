@@ -80,6 +80,9 @@ impl Default for Parameters {
 /// Contacts whose touches are nearer in time than this fraction of a step touch together.
 const SAME_TIME: f64 = 1e-6;
 
+/// So many steps end a step: what touches together closes together, also at its very end.
+const END: f64 = 1.0 + SAME_TIME;
+
 /// What the impacts of a step did.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Impacts {
@@ -179,14 +182,12 @@ impl ImpactSolver<'_> {
         });
         let mut motion = Motion::of(world, of, (coupled, pressed.as_ref()), &found.velocity, step);
         let mut touched: Vec<(u32, f64)> = Vec::new();
-        // What touches together closes together, also at the very end of the step.
-        let end = (1.0 + SAME_TIME) * step;
         for pass in 0..=self.parameters.passes {
             let approaches =
                 |i: &u32| restitution[*i as usize] > 0.0 && motion.now[3 * *i as usize] < -slow[*i as usize];
             let closes = |i: &u32| {
                 let gap = of.contacts[*i as usize].gap;
-                gap <= 0.0 || gap + end * motion.later[3 * *i as usize] <= 0.0
+                gap <= 0.0 || gap + END * step * motion.later[3 * *i as usize] <= 0.0
             };
             let approaching = (0..of.contacts.len() as u32).filter(approaches);
             let closing = approaching.filter(closes).collect();
@@ -421,7 +422,7 @@ pub(crate) fn lead_to_surfaces(world: &World, collider: &Collider, step: f64, co
     for contact in contacts.iter_mut().filter(|contact| contact.gap > 0.0 && contact.lead == Vec3::ZERO) {
         let [a, b] = [contact.body_a, contact.body_b].map(|body| materials[body as usize].index());
         if world.materials.pair_restitution(a, b) > 0.0 {
-            match collider.arrival_of_balls(world, contact, step) {
+            match collider.arrival_of_balls(world, contact, END * step) {
                 Some(arrival) => *contact = arrival,
                 None => contact.lead = 0.5 * contact.gap * contact.normal,
             }

@@ -8,9 +8,10 @@
 //! min 1/2 dq^T M dq   subject to   Phi_i + dt D_i,n^T v+ + D_i,n^T dq >= target_i
 //! ```
 //!
-//! whose optimality conditions are a contact problem without friction with the same N (solved to few digits,
-//! with a little softness, by `projection`). The displacement leaves no velocity, so a state that came with
-//! overlaps gets no kinetic energy from them, whatever the step; what it does against gravity is reported.
+//! whose optimality conditions are a contact problem without friction with the same N, joints included
+//! (solved to few digits, with a little softness, by `projection`; where bodies hang on joints, by a contact
+//! solver). The displacement leaves no velocity, so a state that came with overlaps gets no kinetic energy
+//! from them, whatever the step; what it does against gravity is reported.
 //!
 //! What a step adds to an overlap because bodies that turn are not where the linearised gap says (a disc that
 //! wobbles nearly flat changes the place where it stands by a tenth of a radian of its rim in a step) is
@@ -23,9 +24,14 @@
 //! 256:224-250, 2013.
 
 use crate::math::Vec3;
-use crate::parts::parts;
+use crate::parts::{Part, parts};
 use crate::projection::project;
-use graintrain_ccp::{BodyInverseMass, FIXED, RigidContact};
+use graintrain_ccp::{
+    BodyInverseMass, Ccp, CcpSolver, CoupledBodies, Delassus, FIXED, RigidContact, SolveSettings, Status,
+};
+
+/// A contact moves nothing where joints leave less than this of what it could move without them.
+const RIGID: f64 = 1e-10;
 
 /// What corrections are tuned by. Values: docs/mechanics.md, "Overlap"; held by `tests/physics/trust.rs`.
 #[derive(Clone, Debug)]
@@ -76,7 +82,7 @@ impl Default for Parameters {
             sweeps: 20,
             visits: 100_000,
             softness: 0.4,
-            rounds: 3,
+            rounds: 10,
             tolerance: 0.1,
         }
     }
@@ -168,8 +174,13 @@ impl Gaps<'_> {
         -(-room).min(limit)
     }
 
-    /// The correction.
-    pub(crate) fn correct(&self) -> Correction {
+    /// The correction; the groups of bodies that joints couple, where one is needed, and what solves contacts
+    /// with them.
+    pub(crate) fn correct(
+        &self,
+        coupled: impl FnOnce() -> Vec<CoupledBodies>,
+        solver: &mut dyn CcpSolver,
+    ) -> Correction {
         let mut correction = Correction::default();
         let trigger = self.trigger();
         let worst = (0..self.gap.len() as u32)
@@ -181,7 +192,8 @@ impl Gaps<'_> {
         }
         (correction.overlap_max, correction.overlap_max_over_size) = (-self.gap[worst.0], worst.1);
         let mut displacement = vec![0.0; 6 * self.inverse_mass.len()];
-        let moving = self.neighbourhood();
+        let coupled = coupled();
+        let moving = self.neighbourhood(&coupled);
         let held = |body: u32| if body != FIXED && moving[body as usize] { body } else { FIXED };
         let (mut chosen, mut rows) = (Vec::new(), Vec::new());
         for (i, row) in (0..).zip(self.rows) {
@@ -191,7 +203,13 @@ impl Gaps<'_> {
                 rows.push(RigidContact { body_a, body_b, ..*row });
             }
         }
-        for part in parts(&rows, 0..rows.len() as u32, moving.len(), &[]) {
+        for part in parts(&rows, 0..rows.len() as u32, moving.len(), &coupled) {
+            let has = |group: &CoupledBodies| part.bodies.binary_search(&group.bodies[0]).is_ok();
+            if coupled.iter().any(has) {
+                let room: Vec<f64> = chosen.iter().map(|&i| self.room(i)).collect();
+                self.correct_coupled(part, (&rows, &room), &coupled, solver, &mut displacement);
+                continue;
+            }
             let own = part.contacts.iter().map(|&k| (&rows[k as usize], self.room(chosen[k as usize])));
             self.correct_part(&own.collect::<Vec<_>>(), &mut displacement);
         }
@@ -199,8 +217,8 @@ impl Gaps<'_> {
         correction
     }
 
-    /// Which bodies a correction may move.
-    fn neighbourhood(&self) -> Vec<bool> {
+    /// Which bodies a correction may move; of those that joints couple all.
+    fn neighbourhood(&self, coupled: &[CoupledBodies]) -> Vec<bool> {
         let mut moving = vec![false; self.inverse_mass.len()];
         for ring in 0..=self.parameters.rings {
             let before = moving.clone();
@@ -213,6 +231,10 @@ impl Gaps<'_> {
                     }
                 }
             }
+            for CoupledBodies { bodies, .. } in coupled {
+                let any = bodies.iter().any(|&body| moving[body as usize]);
+                bodies.iter().for_each(|&body| moving[body as usize] |= any);
+            }
         }
         moving
     }
@@ -224,5 +246,48 @@ impl Gaps<'_> {
         let sweeps = sweeps.max(visits / contacts.len().max(1));
         let softness = softness / sweeps as f64;
         project(contacts, self.inverse_mass, displacement, (tolerance * largest, sweeps), softness);
+    }
+
+    /// The same of a part with bodies that joints couple: contacts that can hardly move anything are left
+    /// out. What the solver finds is taken as it is: what it leaves is for the next correction.
+    fn correct_coupled(
+        &self,
+        mut part: Part,
+        (rows, room): (&[RigidContact], &[f64]),
+        coupled: &[CoupledBodies],
+        solver: &mut dyn CcpSolver,
+        displacement: &mut [f64],
+    ) {
+        let &Parameters { sweeps, visits, softness, tolerance, .. } = self.parameters;
+        let [free, joined] = [&[], coupled].map(|coupled| part.delassus(rows, self.inverse_mass, coupled));
+        let moves = |k: usize| joined.diagonal()[k][0] > RIGID * free.diagonal()[k][0];
+        let kept = (0..part.contacts.len()).filter(|&k| moves(k)).map(|k| part.contacts[k]).collect();
+        part.contacts = kept;
+        let room = part.gather::<1, f64>(room);
+        let largest = room.iter().map(|room| -room).fold(0.0, f64::max);
+        if largest == 0.0 {
+            return;
+        }
+        let delassus = part.delassus(rows, self.inverse_mass, coupled);
+        let soft = softness / sweeps as f64;
+        let compliance = delassus.diagonal().iter().map(|diagonal| soft * diagonal[0]).collect();
+        let delassus = Delassus::Rigid(delassus.with_compliance(compliance));
+        let r = room.iter().flat_map(|&room| [room, 0.0, 0.0]).collect();
+        let problem = Ccp { velocity_scale: Some(largest), ..Ccp::bare(delassus, r, vec![0.0; room.len()]) };
+        let settings = SolveSettings {
+            tolerance,
+            max_iterations: Some(sweeps.max(visits / room.len())),
+            ..SolveSettings::default()
+        };
+        let mut multiplier = vec![0.0; problem.r.len()];
+        let matrix = problem.as_matrix_if(|rigid| !rigid.is_plain());
+        let solved = solver.solve(matrix.as_ref().unwrap_or(&problem), &mut multiplier, &settings);
+        if solved.is_ok_and(|report| report.status != Status::Stopped) {
+            let mut work = problem.delassus.work();
+            problem.delassus.multiply(&multiplier, &mut vec![0.0; multiplier.len()], &mut work);
+            for (&body, q) in part.bodies.iter().zip(work.body_velocity().chunks_exact(6)) {
+                displacement[6 * body as usize..6 * body as usize + 6].copy_from_slice(q);
+            }
+        }
     }
 }

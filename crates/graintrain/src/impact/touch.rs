@@ -13,7 +13,7 @@
 //! the start, with which two of them would not keep their angular momentum, and walls would catch what
 //! tumbles: of them an impulse acts at the start.
 
-use super::{Impacts, Rows};
+use super::{END, Impacts, Rows};
 use crate::cell::Cell;
 use crate::collide::Collider;
 use crate::contact::Contact;
@@ -149,6 +149,6 @@ impl Touch {
         let time = 2.0 * contact.gap / (square.sqrt() - u[0]);
         let velocity = [0, 1, 2].map(|k| u[k] + time * a[k]);
         let parts = a[0] * (step - time) >= restitution[index] * velocity[0];
-        (time < step && parts).then_some(Self { time, velocity })
+        (time < END * step && parts).then_some(Self { time, velocity })
     }
 }

@@ -10,8 +10,9 @@ use crate::clock::Clock;
 use crate::contact::{Contact, ContactSet};
 use crate::elasticity;
 use crate::impact::Impacts;
-use crate::integrate::{displace, inverse_mass};
+use crate::integrate::{displace, inverse_mass, velocities};
 use crate::joint::drift;
+use crate::joint::mechanism::coupled_in_impacts;
 use crate::load;
 use crate::math::Vec3;
 use crate::measure::energy;
@@ -19,9 +20,18 @@ use crate::overlap::{Correction, Gaps, Share};
 use crate::step_report::{PhysicalErrors, StepReport, wrenches};
 use crate::turning::{turning_velocities, world_moment};
 use crate::world::World;
-use graintrain_ccp::{Delassus, RigidContact, SolveReport, Status};
+use graintrain_ccp::{CoupledBodies, Delassus, RigidContact, SolveReport, Status};
 use rayon::prelude::*;
 use std::collections::HashMap;
+
+/// The groups of bodies that joints couple where they are.
+fn coupled(world: &World, step: f64) -> Vec<CoupledBodies> {
+    if world.joints().is_empty() {
+        Vec::new()
+    } else {
+        coupled_in_impacts(world, &mut velocities(world), step)
+    }
+}
 
 /// A correction without displacements that are no numbers.
 fn finite(correction: Correction) -> Correction {
@@ -32,7 +42,7 @@ fn finite(correction: Correction) -> Correction {
 impl Stepper {
     /// Displacements that remove overlap at the end of the step.
     pub(super) fn correct(
-        &self,
+        &mut self,
         world: &World,
         contacts: &[Contact],
         attempt: &Attempt,
@@ -68,7 +78,7 @@ impl Stepper {
             tolerance: self.settings.solver.tolerance,
             parameters: &self.parameters.overlap,
         };
-        finite(gaps.correct())
+        finite(gaps.correct(|| coupled(world, step), self.impacts.as_mut()))
     }
 
     /// Removes, where bodies are at the end of the step, the overlap that no contact of the step foresaw
@@ -141,7 +151,7 @@ impl Stepper {
 
     /// The displacements that remove this overlap from the contacts `ahead`, if there is any.
     fn without(
-        &self,
+        &mut self,
         world: &World,
         ahead: &[Contact],
         errors: &HashMap<u64, f64>,
@@ -168,7 +178,7 @@ impl Stepper {
             tolerance: self.settings.solver.tolerance,
             parameters,
         };
-        let more = finite(gaps.correct());
+        let more = finite(gaps.correct(|| coupled(world, self.settings.step), self.impacts.as_mut()));
         correction.overlap_max = correction.overlap_max.max(more.overlap_max);
         correction.overlap_max_over_size = correction.overlap_max_over_size.max(more.overlap_max_over_size);
         more.displacement
