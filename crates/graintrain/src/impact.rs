@@ -145,13 +145,13 @@ impl ImpactSolver<'_> {
     ) -> Result<Option<Impacts>, CcpError> {
         let mut velocity = velocities(world);
         let restitution = pair_property(world, of.contacts, |a, b| world.materials.pair_restitution(a, b));
-        if restitution.iter().all(|&e| e == 0.0) {
+        let timed = touch::alone(world, self.collider, of.contacts, step);
+        if restitution.iter().all(|&e| e == 0.0) && !timed.contains(&true) {
             return Ok(Some(Impacts { velocity, ..Impacts::default() }));
         }
         let friction = pair_property(world, of.contacts, |a, b| world.materials.pair_friction(a, b));
         let pressed = Pressed::of(world, step);
         let (coupled, projected) = along_joints(world, &mut velocity, step);
-        let timed = touch::alone(world, self.collider, of.contacts, &coupled, step);
         let laws = Laws { restitution, friction, coupled, pressed };
         let before = Impacts { velocity, ..Impacts::default() };
         let Some(mut found) = self.passes(world, of, (&laws, &timed), before, step)? else {
@@ -181,10 +181,17 @@ impl ImpactSolver<'_> {
             self.parameters.resting * (a.max(b) * step).max(pushed)
         });
         let mut motion = Motion::of(world, of, (coupled, pressed.as_ref()), &found.velocity, step);
+        // Without restitution only what is known in time is an impact: the rest is for the contact problem.
+        let touches = |i: u32| {
+            let u = &motion.now[3 * i as usize..3 * i as usize + 3];
+            let is_timed = timed.get(i as usize) == Some(&true);
+            is_timed && Touch::of(world, of, i, (u, restitution), step).is_some()
+        };
+        let is_impact: Vec<bool> = (0..).zip(restitution).map(|(i, &e)| e > 0.0 || touches(i)).collect();
         let mut touched: Vec<(u32, f64)> = Vec::new();
         for pass in 0..=self.parameters.passes {
             let approaches =
-                |i: &u32| restitution[*i as usize] > 0.0 && motion.now[3 * *i as usize] < -slow[*i as usize];
+                |i: &u32| is_impact[*i as usize] && motion.now[3 * *i as usize] < -slow[*i as usize];
             let closes = |i: &u32| {
                 let gap = of.contacts[*i as usize].gap;
                 gap <= 0.0 || gap + END * step * motion.later[3 * *i as usize] <= 0.0
@@ -413,15 +420,20 @@ fn first_of_bodies(
     closing.iter().copied().filter(is_first).collect()
 }
 
-/// Gives contacts of pairs with restitution the arms that they have when the bodies touch, where they still
-/// have a gap to close: from each centre to the own surface. With half a gap more the spin that friction
-/// gives would depend on the phase of arrival. Balls that touch within the step as they move now get the
-/// normal of that moment, too: that of the start of the step is off by the way sideways.
+/// Gives contacts of pairs with restitution, or that meet nothing else, the arms that they have when the
+/// bodies touch, where they still have a gap to close: from each centre to the own surface. With half a gap
+/// more the spin that friction gives would depend on the phase of arrival. Balls that touch within the step
+/// as they move now get the normal of that moment, too: that of the start of the step is off by the way
+/// sideways.
 pub(crate) fn lead_to_surfaces(world: &World, collider: &Collider, step: f64, contacts: &mut [Contact]) {
+    let alone = touch::alone(world, collider, contacts, step);
     let materials = &world.bodies.material;
-    for contact in contacts.iter_mut().filter(|contact| contact.gap > 0.0 && contact.lead == Vec3::ZERO) {
+    for (i, contact) in contacts.iter_mut().enumerate() {
+        if contact.gap <= 0.0 || contact.lead != Vec3::ZERO {
+            continue;
+        }
         let [a, b] = [contact.body_a, contact.body_b].map(|body| materials[body as usize].index());
-        if world.materials.pair_restitution(a, b) > 0.0 {
+        if world.materials.pair_restitution(a, b) > 0.0 || alone.get(i) == Some(&true) {
             match collider.arrival_of_balls(world, contact, END * step) {
                 Some(arrival) => *contact = arrival,
                 None => contact.lead = 0.5 * contact.gap * contact.normal,

@@ -17,11 +17,11 @@ use super::{END, Impacts, Rows};
 use crate::cell::Cell;
 use crate::collide::Collider;
 use crate::contact::Contact;
+use crate::elasticity;
 use crate::load;
 use crate::math::Vec3;
 use crate::rotation::{is_isotropic, turned};
 use crate::world::World;
-use graintrain_ccp::CoupledBodies;
 
 /// Where a body ends the step elsewhere than with the velocities after its impacts all the way.
 #[derive(Clone, Copy, Debug)]
@@ -86,21 +86,16 @@ impl Impacts {
     }
 }
 
-/// Whether each contact is one of balls, or of a ball and what is driven, that have no other one and no joint
-/// and fly, moved by gravity and forces of time alone ([`load::pushed`]); none: empty.
-pub(super) fn alone(
-    world: &World,
-    collider: &Collider,
-    contacts: &[Contact],
-    coupled: &[CoupledBodies],
-    step: f64,
-) -> Vec<bool> {
+/// Whether each contact is a rigid one of balls, or of a ball and what is driven, that have no other one and
+/// no joint and fly, moved by gravity and forces of time alone ([`load::pushed`]); none: empty.
+pub(super) fn alone(world: &World, collider: &Collider, contacts: &[Contact], step: f64) -> Vec<bool> {
     if world.cell().is_some_and(Cell::deforms) {
         return Vec::new();
     }
     let pushed = load::pushed(world, step);
     let mut count = vec![0_usize; world.bodies.len()];
-    let linked = coupled.iter().flat_map(|mechanism| mechanism.bodies.iter().copied());
+    let joints = world.joints().iter();
+    let linked = joints.flat_map(|entry| entry.joint.bodies.iter().flatten().map(|body| body.index() as u32));
     let touched = contacts.iter().flat_map(|contact| [contact.body_a, contact.body_b]);
     linked.chain(touched).for_each(|body| count[body as usize] += 1);
     let is_alone = |body: u32| {
@@ -108,7 +103,10 @@ pub(super) fn alone(
         let flies = || world.is_free(k) && !pushed.get(k).copied().unwrap_or(false);
         world.is_prescribed(k) || count[k] == 1 && flies() && collider.is_ball(world, k)
     };
-    contacts.iter().map(|c| is_alone(c.body_a) && is_alone(c.body_b)).collect()
+    let compliance = elasticity::compliances(world, contacts, step);
+    let is_rigid = |i: usize| compliance.get(i).is_none_or(|&c| c == 0.0);
+    let of = |(i, c): (usize, &Contact)| is_rigid(i) && is_alone(c.body_a) && is_alone(c.body_b);
+    contacts.iter().enumerate().map(of).collect()
 }
 
 /// When two bodies that nothing else holds touch within a step and part for good in it.

@@ -89,9 +89,10 @@ fn bounces_keep_their_time() {
 /// from then on, their turn included.
 #[test]
 fn balls_that_meet_go_on_as_they_were_until_they_touch() {
-    for (step, speed) in [(1e-3, 3.0), (1e-2, 3.0), (1e-2, 7.0)] {
+    let cases = [(0.8, 1e-3, 3.0), (0.8, 1e-2, 3.0), (0.8, 1e-2, 7.0), (0.0, 1e-3, 3.0), (0.0, 1e-2, 7.0)];
+    for (restitution, step, speed) in cases {
         for phase in 0..8 {
-            let mut world = world(0.4, 0.8);
+            let mut world = world(0.4, restitution);
             world.gravity = Vec3::ZERO;
             let start = Vec3::new(-0.08 - step * speed * (1.0 + f64::from(phase) / 8.0), 0.06, 0.0);
             let pair = [start, Vec3::ZERO].map(|place| add_sphere(&mut world, 0.05, place));
@@ -105,6 +106,11 @@ fn balls_that_meet_go_on_as_they_were_until_they_touch() {
             let [before, after] = [bodies.mass[0] * start.cross(speed * Vec3::X), of(pair[0]) + of(pair[1])];
             let off = (after - before).length();
             assert!(off < 1e-12 * before.length(), "{step} s, {speed} m/s, phase {phase}: {off} kg m^2/s");
+            let parting = Vec3::new(-0.8, 0.6, 0.0).dot(bodies.velocity[pair[0]] - bodies.velocity[pair[1]]);
+            assert!(
+                (parting - restitution * 0.8 * speed).abs() < 1e-9,
+                "{restitution} {step} s: {parting} m/s"
+            );
             // Centres are 0.1 m from each other then.
             let touch = (-0.08 - start.x) / speed;
             for (body, before) in pair.into_iter().zip([speed * Vec3::X, Vec3::ZERO]) {
