@@ -5,16 +5,20 @@ use super::Collider;
 use super::broad::contact;
 use super::manifold::Solid;
 use super::narrow::{Collidable, Placed, PlacedPart, body_contacts};
+use super::reduce::Touch;
 use super::sweep::{advanced, arrivals, comes_within, time_of_impact};
 use crate::assemble::of_each;
 use crate::contact::Contact;
 use crate::math::{Quat, Vec3};
-use crate::shape::Shape;
+use crate::shape::{Geometry, Shape};
 use crate::world::World;
 use rayon::prelude::*;
 
 /// Poses of a pair looked at to see whether it passes.
 const POSES: f64 = 512.0;
+
+/// The feature of the contact of a core.
+const CORE: u64 = u64::MAX;
 
 /// Points looked at for one that lies inside both bodies of a pair.
 const LOOKS: usize = 6;
@@ -126,6 +130,31 @@ impl Collider {
         let arrival = *arrivals(&impact, a, b, v_a, v_b).first()?;
         let lead = 0.5 * (arrival.on_a - arrival.on_b);
         Some(Contact { lead, image, identity: apart.identity, ..contact(pair, &arrival.touch) })
+    }
+
+    /// Where the cores of two bodies that move as the world has them come to the other body within the step: a
+    /// core is a ball about the centre, half as deep as that lies inside. A body is never where its core is
+    /// stopped, however it turns, unless it passed the other one.
+    pub(crate) fn arrivals_of_cores(&self, world: &World, pair: [u32; 2], step: f64) -> Vec<Contact> {
+        let (placed, image) = self.placed_pair(world, pair);
+        let velocities = world.pair_velocities(pair);
+        let of_side = |side: usize| {
+            let (own, other) = (placed[side], placed[1 - side]);
+            let radius = 0.5 * depth_at_centre(own);
+            if world.is_prescribed(pair[side] as usize) || own.form.ball.is_some() || radius <= 0.0 {
+                return None;
+            }
+            let form = Collidable::new(Geometry::sphere(radius).ok()?);
+            let core = Placed { form: &form, ..own };
+            let (own, others) = ([velocities[side][0], Vec3::ZERO], velocities[1 - side]);
+            let impact = time_of_impact(core, other, own, others, step, 0.0).filter(|i| i.time > 0.0)?;
+            let arrival = *arrivals(&impact, core, other, own, others).first()?;
+            let touch = Touch { feature: CORE, ..arrival.touch };
+            let lead = 0.5 * (arrival.on_a - arrival.on_b);
+            let image = if side == 0 { image } else { image.map(|k| -k) };
+            Some(Contact { lead, image, ..contact([pair[side], pair[1 - side]], &touch) })
+        };
+        (0..2).filter_map(of_side).collect()
     }
 
     /// What becomes of the contacts of bodies that move with these velocities, six numbers each, where they
@@ -261,6 +290,17 @@ fn certain_overlap(a: Placed<'_>, b: Placed<'_>, enough: f64) -> f64 {
     deepest
 }
 
+/// How deep the centre of a body lies inside one of its convex parts, m; negative where it does in none.
+fn depth_at_centre(placed: Placed<'_>) -> f64 {
+    let depth = |k: usize| {
+        let PlacedPart { shape, position, orientation, .. } = placed.part(k);
+        let is_solid = !matches!(shape, Shape::Mesh(_) | Shape::Plane(_));
+        let inside = || -shape.form().signed_distance(orientation.conjugate() * (placed.position - position)).value;
+        if is_solid { inside() } else { f64::NEG_INFINITY }
+    };
+    (0..placed.form.geometry.parts.len()).map(depth).fold(f64::NEG_INFINITY, f64::max)
+}
+
 /// How deep a point of the world lies inside a body that is one convex solid, m.
 fn depth_inside(placed: Placed<'_>) -> Option<impl Fn(Vec3) -> f64> {
     let [part] = &placed.form.geometry.parts[..] else { return None };
@@ -277,7 +317,7 @@ mod tests {
     use super::*;
     use crate::hull::Hull;
     use crate::math::rotation_exponential;
-    use crate::shape::{Cuboid, Geometry, Sphere};
+    use crate::shape::{Cuboid, Sphere};
     use proptest::prelude::*;
 
     proptest! {

@@ -324,8 +324,9 @@ impl Stepper {
         let rows = contact_rows(world, &ahead);
         let u = relative_velocities(attempt.cell.as_ref(), &ahead, &rows, &attempt.velocity);
         let past = self.flown_past(world, &ahead, (&attempt.velocity, &u));
-        before.exchange(world);
         let known = identities(contacts);
+        let cores = self.cores(world, contacts, &known);
+        before.exchange(world);
         let meets = |((c, u), past): ((Contact, &[f64]), Contact)| {
             // A ball is on its way with its velocity of now since its touch only.
             let touch = attempt.impacts.last_touch(&c);
@@ -343,7 +344,24 @@ impl Stepper {
             leave_covered_out(world, &self.collider, step, &mut all);
             closed.retain(|c| all.contains(c));
         }
+        closed.extend(cores);
         closed
+    }
+
+    /// Contacts of the cores of bodies that move by more than their size and pass what they have contacts with
+    /// all the same: those hold two points apart, about which a body may turn.
+    fn cores(&self, world: &World, contacts: &[Contact], known: &HashSet<u64>) -> Vec<Contact> {
+        let step = self.settings.step;
+        let is_fast = |pair: &[u32; 2]| {
+            let [a, b] = world.pair_velocities(*pair);
+            let size = pair.iter().map(|&body| self.collider.body_size(world, body as usize));
+            step * (a[0] - b[0]).length() > size.fold(f64::INFINITY, f64::min)
+        };
+        let mut pairs: Vec<[u32; 2]> = contacts.iter().map(unordered).filter(is_fast).collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        let found = pairs.into_iter().flat_map(|pair| self.collider.arrivals_of_cores(world, pair, step));
+        found.filter(|core| !known.contains(&core.identity)).collect()
     }
 
     /// Contacts that overlap at the end of the step by more than is let pass: those that it had, and those
