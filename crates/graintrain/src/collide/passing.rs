@@ -132,8 +132,8 @@ impl Collider {
         Some(Contact { lead, image, identity: apart.identity, ..contact(pair, &arrival.touch) })
     }
 
-    /// Where the cores of two bodies that move as the world has them come to the other body within the step: a
-    /// core is a ball about the centre, half as deep as that lies inside. A body is never where its core is
+    /// Where the cores of two bodies that move as the world has them come to the other body within the step:
+    /// a core is a ball about the centre, half as deep as that lies inside. A body is never where its core is
     /// stopped, however it turns, unless it passed the other one.
     pub(crate) fn arrivals_of_cores(&self, world: &World, pair: [u32; 2], step: f64) -> Vec<Contact> {
         let (placed, image) = self.placed_pair(world, pair);
@@ -295,7 +295,8 @@ fn depth_at_centre(placed: Placed<'_>) -> f64 {
     let depth = |k: usize| {
         let PlacedPart { shape, position, orientation, .. } = placed.part(k);
         let is_solid = !matches!(shape, Shape::Mesh(_) | Shape::Plane(_));
-        let inside = || -shape.form().signed_distance(orientation.conjugate() * (placed.position - position)).value;
+        let inside =
+            || -shape.form().signed_distance(orientation.conjugate() * (placed.position - position)).value;
         if is_solid { inside() } else { f64::NEG_INFINITY }
     };
     (0..placed.form.geometry.parts.len()).map(depth).fold(f64::NEG_INFINITY, f64::max)

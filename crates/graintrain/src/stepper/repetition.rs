@@ -4,7 +4,7 @@
 //! | found | then |
 //! |---|---|
 //! | a contact under way to an impact is closed all the same (`closed`) | it joins the problem |
-//! | a deflected body meets another on its way (`on_the_way`) | the contact where they meet joins, as a further plane where they have it |
+//! | a deflected body meets another on its way (`on_the_way`), or its core one that it has contacts with (`cores`) | the contact where they meet joins |
 //! | bodies overlap at the end that had no contact (`undetected`) | their contacts join |
 //! | a contact ends far deeper than foreseen (`departed`) | it is linearised anew where it ends ([`carried_back`]) |
 //! | bodies were held apart that would pass without overlap (`spurious`) | their contacts are left out |
@@ -37,10 +37,6 @@ pub struct Parameters {
     /// A contact that ends in overlap by more than this fraction of the smaller body's size, and by so much
     /// more than foreseen, makes a new round too.
     pub departure: f64,
-    /// A deflected body that passes by more than this fraction of the smaller one's size through the plane at
-    /// which it meets another one, of a contact that holds them apart elsewhere, makes one as well. Less
-    /// shows at the end.
-    pub passed: f64,
     /// A contact is spurious if the bodies, without it, overlap on their way by no more than this fraction
     /// of what it foresees.
     pub spurious: f64,
@@ -64,7 +60,6 @@ impl Default for Parameters {
             undetected: 5e-4,
             same_place: 1e-2,
             departure: 5e-3,
-            passed: 1.0,
             spurious: 0.2,
             fallen: 0.1,
             rounds: 30,
@@ -161,16 +156,6 @@ impl Rounds {
         Self { contacts, ..Self::default() }
     }
 
-    /// Adds contacts that bodies meet on their way; of one that they have, a further plane.
-    fn join(&mut self, met: Vec<Contact>) {
-        let known = identities(&self.contacts);
-        let (moved, new): (Vec<_>, Vec<_>) = met.into_iter().partition(|c| known.contains(&c.identity));
-        self.meet(new.iter().map(|c| c.identity));
-        self.contacts.extend(new);
-        let moved = self.planes.put(moved, &mut self.contacts);
-        self.meet(moved);
-    }
-
     /// Notes that bodies meet at these contacts, found in one round.
     fn meet(&mut self, identities: impl IntoIterator<Item = u64>) {
         let mut all: HashSet<u64> = identities.into_iter().collect();
@@ -219,7 +204,8 @@ impl Stepper {
             rounds.driven.extend(closed);
         }
         if !on_the_way.is_empty() {
-            rounds.join(on_the_way);
+            rounds.meet(on_the_way.iter().map(|c| c.identity));
+            rounds.contacts.extend(on_the_way);
         }
         if !spurious.is_empty() {
             leave_out(&mut rounds.contacts, &spurious);
@@ -319,7 +305,7 @@ impl Stepper {
             world.bodies.angular_velocity[body] = Vec3::from_slice(&v[3..]);
         }
         attempt.impacts.put_on(world);
-        let Parameters { undetected, passed, .. } = self.parameters.repetition;
+        let undetected = self.parameters.repetition.undetected;
         let ahead = self.collider.meetings(world, step);
         let rows = contact_rows(world, &ahead);
         let u = relative_velocities(attempt.cell.as_ref(), &ahead, &rows, &attempt.velocity);
@@ -333,9 +319,9 @@ impl Stepper {
             if touch > 0.0 && c.gap + touch * u[0] < 0.0 {
                 return None;
             }
-            let depth = if known.contains(&c.identity) { passed } else { undetected };
             let size = self.collider.contact_size(world, &c);
-            (past.gap == c.gap && c.gap.max(0.0) + step * u[0] < -depth * size).then_some(c)
+            let is_new = past.gap == c.gap && !known.contains(&c.identity);
+            (is_new && c.gap.max(0.0) + step * u[0] < -undetected * size).then_some(c)
         };
         let found = ahead.into_iter().zip(u.chunks_exact(3)).zip(past);
         let mut closed: Vec<Contact> = found.filter_map(meets).collect();
@@ -348,8 +334,8 @@ impl Stepper {
         closed
     }
 
-    /// Contacts of the cores of bodies that move by more than their size and pass what they have contacts with
-    /// all the same: those hold two points apart, about which a body may turn.
+    /// Contacts of the cores of bodies that move by more than their size and pass what they have contacts
+    /// with all the same: those hold two points apart, about which a body may turn.
     fn cores(&self, world: &World, contacts: &[Contact], known: &HashSet<u64>) -> Vec<Contact> {
         let step = self.settings.step;
         let is_fast = |pair: &[u32; 2]| {

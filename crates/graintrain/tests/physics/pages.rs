@@ -26,7 +26,6 @@ fn pages_have_the_constants_of_a_step() {
             format!("more than {:e} of the smaller one's size without a contact", repetition.undetected),
             format!("a contact within {:e} of it there", repetition.same_place),
             format!("larger by {:e} of the size than predicted", repetition.departure),
-            format!("pass it by more than {} of that size", repetition.passed),
             format!("at more than {} a dt is an impact", impacts.resting),
             format!("up to {} passes", impacts.passes),
             format!(
