@@ -178,7 +178,7 @@ quantities! {
         friction_error_max: f64 = max;
     slip_angle: "rad", "largest angle between friction and the direction against the slip, where contacts slide faster than the tolerance resolves", |r| r.errors.slip_angle_max;
         slip_angle_max: f64 = max;
-    impacts: "1", "contacts that closed with restitution", |r| r.impacts as u64;
+    impacts: "1", "contacts that closed in an impact", |r| r.impacts as u64;
         impacts: u64 = sum;
     impact_residual: "1", "worst residual of a solve of impacts; above the tolerance the step counts as not converged", |r| r.impact_residual.max;
         impact_residual_max: f64 = max;

@@ -21,10 +21,10 @@ pub struct Contact {
     /// distance that they have to close along the normal (see [`Self::lead`]).
     pub gap: f64,
     /// Half the way from B's surface point to A's, m, where the arms of the impulse are those of
-    /// `point + lead` on A and `point - lead` on B: for pairs with restitution that still have a gap to
-    /// close, and where bodies are so fast that they meet elsewhere than they are nearest now (normal and
-    /// surface points are then those of the impact, carried back with the bodies). Zero for all other
-    /// contacts, whose arms both reach to `point`.
+    /// `point + lead` on A and `point - lead` on B: in impacts that still have a gap to close, and where
+    /// bodies are so fast that they meet elsewhere than they are nearest now (normal and surface points are
+    /// then those of the impact, carried back with the bodies). Zero for all other contacts, whose arms both
+    /// reach to `point`.
     pub lead: Vec3,
     /// In a periodic cell, by how many of its edges the image of body B that touches A is away from B; zero
     /// otherwise. Contact point and normal are beside A.

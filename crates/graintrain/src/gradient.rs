@@ -149,7 +149,7 @@ impl StepGradient {
         let mut after = world.clone();
         let report = stepper.step(&mut after)?;
         if report.impacts > 0 {
-            return unsupported("bodies met with restitution");
+            return unsupported("bodies met in an impact, with restitution or alone");
         }
         if report.ledger.rest.abs() > 1e-10 * report.ledger.throughput() {
             return unsupported("contacts would have given a spin energy, and gave it less (Rotor::turn)");
@@ -170,7 +170,7 @@ impl StepGradient {
             return unsupported("it left no contact problem");
         };
         if problem.num_contacts() != after.contacts.contacts.len() {
-            return unsupported("bodies are about to meet with restitution; a shorter time step may do");
+            return unsupported("bodies are about to meet in an impact; a shorter time step may do");
         }
         // Planes of what passes lie where the velocities put them.
         let found = Collider::default().contacts(world, settings.envelope, settings.step);

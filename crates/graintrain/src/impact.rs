@@ -32,7 +32,7 @@
 mod touch;
 
 use self::touch::{Shift, Touch};
-use crate::assemble::{of_each, pair_property, relative_velocities};
+use crate::assemble::{pair_property, relative_velocities};
 use crate::cell::{COMPONENTS, Cell, moved_mass};
 use crate::cell_problem::CellRows;
 use crate::collide::Collider;
@@ -80,8 +80,12 @@ impl Default for Parameters {
 /// Contacts whose touches are nearer in time than this fraction of a step touch together.
 const SAME_TIME: f64 = 1e-6;
 
-/// So many steps end a step: what touches together closes together, also at its very end.
-const END: f64 = 1.0 + SAME_TIME;
+/// What touches within this fraction of the end of a step does so in the next one: contacts that touch
+/// together would close in two steps by rounding alone.
+const LAST: f64 = 1e-9;
+
+/// Approaches below this fraction of the slip are rounding.
+const LEVEL: f64 = 1e-12;
 
 /// What the impacts of a step did.
 #[derive(Clone, Debug, Default)]
@@ -145,7 +149,7 @@ impl ImpactSolver<'_> {
     ) -> Result<Option<Impacts>, CcpError> {
         let mut velocity = velocities(world);
         let restitution = pair_property(world, of.contacts, |a, b| world.materials.pair_restitution(a, b));
-        let timed = touch::alone(world, self.collider, of.contacts, step);
+        let timed = touch::timed(world, self.collider, of.contacts, &restitution, step);
         if restitution.iter().all(|&e| e == 0.0) && !timed.contains(&true) {
             return Ok(Some(Impacts { velocity, ..Impacts::default() }));
         }
@@ -176,25 +180,28 @@ impl ImpactSolver<'_> {
     ) -> Result<Option<Impacts>, CcpError> {
         let Laws { restitution, coupled, pressed, .. } = laws;
         let pushed = pressed.as_ref().map_or(0.0, Pressed::speed);
-        let slow = of_each(of.contacts, |c| {
-            let [a, b] = [c.body_a, c.body_b].map(|body| world.acceleration(body as usize));
-            self.parameters.resting * (a.max(b) * step).max(pushed)
-        });
         let mut motion = Motion::of(world, of, (coupled, pressed.as_ref()), &found.velocity, step);
+        let slow: Vec<f64> = of
+            .contacts
+            .iter()
+            .zip(motion.now.chunks_exact(3))
+            .map(|(c, u)| {
+                let [a, b] = [c.body_a, c.body_b].map(|body| world.acceleration(body as usize));
+                let slip = Vec3::from_slice(u).length();
+                (self.parameters.resting * (a.max(b) * step).max(pushed)).max(LEVEL * slip)
+            })
+            .collect();
         // Without restitution only what is known in time is an impact: the rest is for the contact problem.
-        let touches = |i: u32| {
-            let u = &motion.now[3 * i as usize..3 * i as usize + 3];
-            let is_timed = timed.get(i as usize) == Some(&true);
-            is_timed && Touch::of(world, of, i, (u, restitution), step).is_some()
-        };
-        let is_impact: Vec<bool> = (0..).zip(restitution).map(|(i, &e)| e > 0.0 || touches(i)).collect();
+        let is_timed = |i: usize| timed.get(i) == Some(&true);
+        let mut is_impact: Vec<bool> =
+            restitution.iter().enumerate().map(|(i, &e)| e > 0.0 || is_timed(i)).collect();
         let mut touched: Vec<(u32, f64)> = Vec::new();
         for pass in 0..=self.parameters.passes {
             let approaches =
                 |i: &u32| is_impact[*i as usize] && motion.now[3 * *i as usize] < -slow[*i as usize];
             let closes = |i: &u32| {
                 let gap = of.contacts[*i as usize].gap;
-                gap <= 0.0 || gap + END * step * motion.later[3 * *i as usize] <= 0.0
+                gap <= 0.0 || gap + (1.0 - LAST) * step * motion.later[3 * *i as usize] <= 0.0
             };
             let approaching = (0..of.contacts.len() as u32).filter(approaches);
             let closing = approaching.filter(closes).collect();
@@ -220,11 +227,19 @@ impl ImpactSolver<'_> {
             for part in all {
                 let mut arriving = motion.arriving(&part, of.contacts, restitution, step);
                 if let [i] = part.contacts[..]
-                    && timed.get(i as usize) == Some(&true)
-                    && let Some(touch) = Touch::of(world, of, i, (&arriving.0, restitution), step)
+                    && let i = i as usize
+                    && is_timed(i)
                 {
-                    arriving = (touch.velocity.to_vec(), vec![restitution[i as usize]]);
-                    touched.extend(part.bodies.iter().map(|&body| (body, touch.time)));
+                    let (contact, e) = ((&of.contacts[i], &of.rows[i]), restitution[i]);
+                    if let Some(touch) = Touch::of(world, contact, (&arriving.0, e), step) {
+                        arriving = (touch.velocity.to_vec(), vec![e]);
+                        touched.extend(part.bodies.iter().map(|&body| (body, touch.time)));
+                        // Nothing brings its bodies together again.
+                        is_impact[i] = false;
+                    } else if e == 0.0 {
+                        is_impact[i] = false;
+                        continue;
+                    }
                 }
                 let Some(()) = self.solve(&part, of, (laws, arriving), &mut found)? else {
                     return Ok(None);
@@ -303,10 +318,11 @@ impl ImpactSolver<'_> {
             if group.len() == 1 {
                 continue;
             }
-            let pair = [contact(&group[0]).body_a, contact(&group[0]).body_b];
+            let pair = pair(group[0]);
             let time = |i: &u32| contact(i).gap.max(0.0) / -motion.now[3 * *i as usize];
             let first = group.iter().map(time).fold(step, f64::min);
-            let normals: Vec<Vec3> = group.iter().map(|i| contact(i).normal).collect();
+            let normal = |c: &Contact| if c.body_a == pair[0] { c.normal } else { -c.normal };
+            let normals: Vec<Vec3> = group.iter().map(|i| normal(contact(i))).collect();
             let velocities = pair
                 .map(|body| [0, 3].map(|k| Vec3::from_slice(&motion.driven[6 * body as usize + k..][..3])));
             let Some(apart) = self.collider.separations(world, pair, velocities, first, &normals) else {
@@ -420,21 +436,18 @@ fn first_of_bodies(
     closing.iter().copied().filter(is_first).collect()
 }
 
-/// Gives contacts of pairs with restitution, or that meet nothing else, the arms that they have when the
+/// Gives contacts of pairs with restitution, or whose time is kept, the arms that they have when the
 /// bodies touch, where they still have a gap to close: from each centre to the own surface. With half a gap
 /// more the spin that friction gives would depend on the phase of arrival. Balls that touch within the step
 /// as they move now get the normal of that moment, too: that of the start of the step is off by the way
 /// sideways.
 pub(crate) fn lead_to_surfaces(world: &World, collider: &Collider, step: f64, contacts: &mut [Contact]) {
-    let alone = touch::alone(world, collider, contacts, step);
-    let materials = &world.bodies.material;
+    let restitution = pair_property(world, contacts, |a, b| world.materials.pair_restitution(a, b));
+    let timed = touch::timed(world, collider, contacts, &restitution, step);
     for (i, contact) in contacts.iter_mut().enumerate() {
-        if contact.gap <= 0.0 || contact.lead != Vec3::ZERO {
-            continue;
-        }
-        let [a, b] = [contact.body_a, contact.body_b].map(|body| materials[body as usize].index());
-        if world.materials.pair_restitution(a, b) > 0.0 || alone.get(i) == Some(&true) {
-            match collider.arrival_of_balls(world, contact, END * step) {
+        let is_impact = restitution[i] > 0.0 || timed.get(i) == Some(&true);
+        if is_impact && contact.gap > 0.0 && contact.lead == Vec3::ZERO {
+            match collider.arrival_of_balls(world, contact, step) {
                 Some(arrival) => *contact = arrival,
                 None => contact.lead = 0.5 * contact.gap * contact.normal,
             }

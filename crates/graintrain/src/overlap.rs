@@ -8,10 +8,11 @@
 //! min 1/2 dq^T M dq   subject to   Phi_i + dt D_i,n^T v+ + D_i,n^T dq >= target_i
 //! ```
 //!
-//! whose optimality conditions are a contact problem without friction with the same N, joints included
-//! (solved to few digits, with a little softness, by `projection`; where bodies hang on joints, by a contact
-//! solver). The displacement leaves no velocity, so a state that came with overlaps gets no kinetic energy
-//! from them, whatever the step; what it does against gravity is reported.
+//! whose optimality conditions are a contact problem without friction with the same N, joints included but
+//! for stops and motors with a limit (solved to few digits, with a little softness, by `projection`; where
+//! bodies hang on joints, by a contact solver). The displacement leaves no velocity, so a state that came
+//! with overlaps gets no kinetic energy from them, whatever the step; what it does against gravity is
+//! reported.
 //!
 //! What a step adds to an overlap because bodies that turn are not where the linearised gap says (a disc that
 //! wobbles nearly flat changes the place where it stands by a tenth of a radian of its rim in a step) is
@@ -29,6 +30,8 @@ use crate::projection::project;
 use graintrain_ccp::{
     BodyInverseMass, Ccp, CcpSolver, CoupledBodies, Delassus, FIXED, RigidContact, SolveSettings, Status,
 };
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// A contact moves nothing where joints leave less than this of what it could move without them.
 const RIGID: f64 = 1e-10;
@@ -65,6 +68,8 @@ pub struct Parameters {
     pub softness: f64,
     /// Corrections of what a step did not foresee, one after the other: a displacement turns bodies, too.
     pub rounds: usize,
+    /// After three of them, the deepest overlap has to fall by this factor below the least so far.
+    pub progress: f64,
     /// Accuracy of a correction, relative to the largest displacement that its contacts ask for.
     pub tolerance: f64,
 }
@@ -83,6 +88,7 @@ impl Default for Parameters {
             visits: 100_000,
             softness: 0.4,
             rounds: 10,
+            progress: 0.9,
             tolerance: 0.1,
         }
     }
@@ -145,6 +151,7 @@ pub(crate) struct Gaps<'a> {
     /// Tolerance of the step's solve.
     pub tolerance: f64,
     pub parameters: &'a Parameters,
+    pub stop: Option<Arc<AtomicBool>>,
 }
 
 impl Gaps<'_> {
@@ -203,15 +210,15 @@ impl Gaps<'_> {
                 rows.push(RigidContact { body_a, body_b, ..*row });
             }
         }
+        let room: Vec<f64> = chosen.into_iter().map(|i| self.room(i)).collect();
         for part in parts(&rows, 0..rows.len() as u32, moving.len(), &coupled) {
             let has = |group: &CoupledBodies| part.bodies.binary_search(&group.bodies[0]).is_ok();
             if coupled.iter().any(has) {
-                let room: Vec<f64> = chosen.iter().map(|&i| self.room(i)).collect();
                 self.correct_coupled(part, (&rows, &room), &coupled, solver, &mut displacement);
-                continue;
+            } else {
+                let own = part.contacts.iter().map(|&k| (&rows[k as usize], room[k as usize]));
+                self.correct_part(&own.collect::<Vec<_>>(), &mut displacement);
             }
-            let own = part.contacts.iter().map(|&k| (&rows[k as usize], self.room(chosen[k as usize])));
-            self.correct_part(&own.collect::<Vec<_>>(), &mut displacement);
         }
         correction.displacement = Some(displacement);
         correction
@@ -259,16 +266,27 @@ impl Gaps<'_> {
         displacement: &mut [f64],
     ) {
         let &Parameters { sweeps, visits, softness, tolerance, .. } = self.parameters;
-        let [free, joined] = [&[], coupled].map(|coupled| part.delassus(rows, self.inverse_mass, coupled));
-        let moves = |k: usize| joined.diagonal()[k][0] > RIGID * free.diagonal()[k][0];
-        let kept = (0..part.contacts.len()).filter(|&k| moves(k)).map(|k| part.contacts[k]).collect();
-        part.contacts = kept;
+        let mut delassus = part.delassus(rows, self.inverse_mass, coupled);
+        let alone = |body: u32| {
+            self.inverse_mass
+                .get(body as usize)
+                .map_or(0.0, |inverse| Vec3::from_array(inverse.linear).max_element())
+        };
+        let moves = |(k, diagonal): (usize, &[f64; 3])| {
+            let contact = part.contacts[k];
+            let row = &rows[contact as usize];
+            (diagonal[0] > RIGID * (alone(row.body_a) + alone(row.body_b))).then_some(contact)
+        };
+        let kept: Vec<u32> = delassus.diagonal().iter().enumerate().filter_map(moves).collect();
+        if kept.len() < part.contacts.len() {
+            part.contacts = kept;
+            delassus = part.delassus(rows, self.inverse_mass, coupled);
+        }
         let room = part.gather::<1, f64>(room);
         let largest = room.iter().map(|room| -room).fold(0.0, f64::max);
         if largest == 0.0 {
             return;
         }
-        let delassus = part.delassus(rows, self.inverse_mass, coupled);
         let soft = softness / sweeps as f64;
         let compliance = delassus.diagonal().iter().map(|diagonal| soft * diagonal[0]).collect();
         let delassus = Delassus::Rigid(delassus.with_compliance(compliance));
@@ -277,6 +295,7 @@ impl Gaps<'_> {
         let settings = SolveSettings {
             tolerance,
             max_iterations: Some(sweeps.max(visits / room.len())),
+            stop: self.stop.clone(),
             ..SolveSettings::default()
         };
         let mut multiplier = vec![0.0; problem.r.len()];

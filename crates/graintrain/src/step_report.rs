@@ -66,7 +66,7 @@ pub struct StepReport {
     pub kinetic_energy: f64,
     /// What is left of the contact problem, in physical units.
     pub errors: PhysicalErrors,
-    /// Contacts that closed with restitution, over all passes of [`crate::impact`].
+    /// Contacts that closed in an impact, over all passes of [`crate::impact`].
     pub impacts: usize,
     /// The worst residual that a solve of theirs was left with. Above the tolerance, the step counts as one
     /// that missed it.

@@ -110,7 +110,8 @@ const LOWEST: u64 = 1 << 62;
 /// Cosine of an angle up to which a normal may be that of a face, 6 degrees.
 const NEARLY: f64 = 0.995;
 
-/// Less than this of what a flat surface rises along a normal makes a ridge.
+/// Less than this of what a flat surface rises along a normal makes a ridge: on what is flat but for rounding
+/// it is 1, and half as much loses normals of corners.
 const RIDGE: f64 = 0.9;
 
 impl TriangleTree {
@@ -331,7 +332,8 @@ impl TriangleTree {
         let leaves = borders.fold(far, f64::min);
         // As far as it overlaps the triangle its place is uncertain.
         let near = (-candidate.touch.gap).max(0.0) + LEVEL * far;
-        let corner = (0..3).find(|&k| (corners[k] - foot - leaves * way).length() <= near);
+        let from = |k: usize| (corners[k] - foot - leaves * way).length();
+        let corner = (0..3).min_by(|&k, &l| from(k).total_cmp(&from(l))).filter(|&k| from(k) <= near);
         let feature = || nearest_on_triangle(foot + (leaves + LEVEL * far) * way, corners).1;
         corner.map_or_else(feature, TriangleFeature::Vertex)
     }

@@ -13,15 +13,21 @@
 //! the start, with which two of them would not keep their angular momentum, and walls would catch what
 //! tumbles: of them an impulse acts at the start.
 
-use super::{END, Impacts, Rows};
+use super::Impacts;
+use crate::assemble::{contact_rows, relative_velocities};
 use crate::cell::Cell;
 use crate::collide::Collider;
 use crate::contact::Contact;
 use crate::elasticity;
+use crate::integrate::velocities;
 use crate::load;
 use crate::math::Vec3;
 use crate::rotation::{is_isotropic, turned};
 use crate::world::World;
+use graintrain_ccp::RigidContact;
+
+/// Bodies that nothing presses together part with so much of the velocity of their touch.
+const LEVEL: f64 = 1e-6;
 
 /// Where a body ends the step elsewhere than with the velocities after its impacts all the way.
 #[derive(Clone, Copy, Debug)]
@@ -86,9 +92,39 @@ impl Impacts {
     }
 }
 
+/// Whether each contact is an impact whose time is kept, with e > 0 as far as it is one: of [`alone`] those
+/// without e only where they touch within the step and nothing presses them on, and not where rolling or
+/// spinning friction resists, whose moments impacts do not transmit.
+pub(super) fn timed(
+    world: &World,
+    collider: &Collider,
+    contacts: &[Contact],
+    restitution: &[f64],
+    step: f64,
+) -> Vec<bool> {
+    let mut all = alone(world, collider, contacts, step);
+    if !all.contains(&true) {
+        return Vec::new();
+    }
+    let velocity = velocities(world);
+    let material = |body: u32| world.bodies.material[body as usize].index();
+    for ((is_timed, contact), e) in all.iter_mut().zip(contacts).zip(restitution) {
+        if *is_timed && *e == 0.0 {
+            let [a, b] = [material(contact.body_a), material(contact.body_b)];
+            let turning = [world.materials.pair_rolling(a, b), world.materials.pair_spinning(a, b)];
+            let row = contact_rows(world, std::slice::from_ref(contact))[0];
+            let one = (std::slice::from_ref(contact), std::slice::from_ref(&row));
+            let u = relative_velocities(None, one.0, one.1, &velocity);
+            let touches = || Touch::of(world, (contact, &row), (&u, 0.0), step).is_some();
+            *is_timed = turning.iter().all(|resistance| resistance.is_none()) && touches();
+        }
+    }
+    all
+}
+
 /// Whether each contact is a rigid one of balls, or of a ball and what is driven, that have no other one and
 /// no joint and fly, moved by gravity and forces of time alone ([`load::pushed`]); none: empty.
-pub(super) fn alone(world: &World, collider: &Collider, contacts: &[Contact], step: f64) -> Vec<bool> {
+fn alone(world: &World, collider: &Collider, contacts: &[Contact], step: f64) -> Vec<bool> {
     if world.cell().is_some_and(Cell::deforms) {
         return Vec::new();
     }
@@ -118,18 +154,15 @@ pub(super) struct Touch {
 }
 
 impl Touch {
-    /// That of a contact (its index) with a gap Phi (m) and the velocity u (m/s) under the acceleration a of
+    /// That of a contact with a gap Phi (m) and the velocity u (m/s) under the acceleration a of
     /// its bodies (m/s^2): u_n(t)^2 = u_n^2 - 2 a_n Phi at t = 2 Phi / |u_n + u_n(t)|. `None` where the
     /// acceleration turns them back before the end of the step.
     pub(super) fn of(
         world: &World,
-        of: Rows<'_>,
-        index: u32,
-        (u, restitution): (&[f64], &[f64]),
+        (contact, row): (&Contact, &RigidContact),
+        (u, restitution): (&[f64], f64),
         step: f64,
     ) -> Option<Self> {
-        let index = index as usize;
-        let (contact, row) = (&of.contacts[index], &of.rows[index]);
         let of_body = |body: u32| {
             let (body, bodies) = (body as usize, &world.bodies);
             if world.is_free(body) {
@@ -146,7 +179,7 @@ impl Touch {
         }
         let time = 2.0 * contact.gap / (square.sqrt() - u[0]);
         let velocity = [0, 1, 2].map(|k| u[k] + time * a[k]);
-        let parts = a[0] * (step - time) >= restitution[index] * velocity[0];
-        (time < END * step && parts).then_some(Self { time, velocity })
+        let parts = a[0] * (step - time) >= (restitution + LEVEL) * velocity[0];
+        (time < step && parts).then_some(Self { time, velocity })
     }
 }

@@ -77,6 +77,7 @@ impl Stepper {
             share: Share::Slow(world.gravity.length() * step * step),
             tolerance: self.settings.solver.tolerance,
             parameters: &self.parameters.overlap,
+            stop: self.stop.clone(),
         };
         finite(gaps.correct(|| coupled(world, step), self.impacts.as_mut()))
     }
@@ -96,7 +97,8 @@ impl Stepper {
         let begin = Clock::now();
         let step = self.settings.step;
         let trigger = self.parameters.overlap.trigger(self.settings.solver.tolerance);
-        for _ in 0..self.parameters.overlap.rounds {
+        let mut least = f64::INFINITY;
+        for round in 0..self.parameters.overlap.rounds {
             let Made { attempt, correction, ahead, .. } = made;
             let collider = &self.collider;
             let is_deep = |c: &&Contact| -c.gap > trigger * collider.contact_size(world, c);
@@ -110,6 +112,12 @@ impl Stepper {
                 *gap = rounds.planes.allowed(*identity).unwrap_or(*gap);
             }
             let errors = self.unforeseen(world, &deep, &foreseen, correction);
+            let wrong = deep.iter().filter(|c| errors.contains_key(&c.identity));
+            let now = wrong.map(|c| -c.gap).fold(0.0, f64::max);
+            if round >= 3 && now > self.parameters.overlap.progress * least {
+                break;
+            }
+            least = now.min(least);
             let Some(displacement) = self.without(world, ahead, &errors, correction) else { break };
             displace(world, &displacement);
             correction.add(Some(displacement));
@@ -177,6 +185,7 @@ impl Stepper {
             share: Share::Unforeseen(&error),
             tolerance: self.settings.solver.tolerance,
             parameters,
+            stop: self.stop.clone(),
         };
         let more = finite(gaps.correct(|| coupled(world, self.settings.step), self.impacts.as_mut()));
         correction.overlap_max = correction.overlap_max.max(more.overlap_max);

@@ -4,7 +4,8 @@
 use crate::support::*;
 use graintrain::ccp::FrictionModel;
 use graintrain::ccp::FrictionModel::{Coulomb, Relaxed};
-use graintrain::handle::MaterialId;
+use graintrain::handle::{BodyId, MaterialId};
+use graintrain::joint::Joint;
 use graintrain::math::{Quat, Vec3, rotation_exponential};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
@@ -122,6 +123,25 @@ fn a_column_that_overlaps_stays() {
             assert!((floor / weight + 1.0).abs() < 0.01, "step {step}: {floor} N of {weight} N on the floor");
         }
         assert!(world.bodies.position[20].z - height(19.0) < 21.0 * 1e-3 * radius);
+    }
+}
+
+/// A foot of a gram under 100 kg overlaps the floor by a fifth of its size: it comes up with what it bears,
+/// which a push of its own would not move, and the joint holds.
+#[test]
+fn a_light_foot_comes_up_with_its_load() {
+    for (step, friction) in [(1e-3, Coulomb), (1e-2, Coulomb), (1e-2, Relaxed)] {
+        let mut world = world(0.3, 0.0);
+        add_ground(&mut world, 0.0);
+        let foot = add_box(&mut world, Vec3::splat(0.02), Vec3::new(0.0, 0.0, 0.016), 1e-3);
+        let load = add_box(&mut world, Vec3::splat(0.1), Vec3::new(0.0, 0.0, 0.2), 100.0);
+        let [foot, load] = [foot, load].map(BodyId::from_index);
+        world.add_joint(Joint::fixed(Some(load), foot, Vec3::new(0.0, 0.0, 0.1))).unwrap();
+        let mut stepper = default_stepper(step, friction);
+        run(&mut stepper, &mut world, 199);
+        let last = stepper.step(&mut world).unwrap();
+        assert!(last.penetration_max_over_size < 2e-3, "{step}: {}", last.penetration_max_over_size);
+        assert!(last.errors.joint_opening_max < 1e-9 && last.kinetic_energy < 1e-9);
     }
 }
 
