@@ -20,6 +20,9 @@ const POSES: f64 = 512.0;
 /// The feature of the contact of a core.
 const CORE: u64 = u64::MAX;
 
+/// Radius of a core over the depth of the centre.
+const CORE_SHARE: f64 = 0.9;
+
 /// Points looked at for one that lies inside both bodies of a pair.
 const LOOKS: usize = 6;
 
@@ -133,14 +136,14 @@ impl Collider {
     }
 
     /// Where the cores of two bodies that move as the world has them come to the other body within the step:
-    /// a core is a ball about the centre, half as deep as that lies inside. A body is never where its core is
-    /// stopped, however it turns, unless it passed the other one.
+    /// a core is a ball about the centre, nearly as large as the body holds there. A body is never where its
+    /// core is stopped, however it turns, unless it passed the other one.
     pub(crate) fn arrivals_of_cores(&self, world: &World, pair: [u32; 2], step: f64) -> Vec<Contact> {
         let (placed, image) = self.placed_pair(world, pair);
         let velocities = world.pair_velocities(pair);
         let of_side = |side: usize| {
             let (own, other) = (placed[side], placed[1 - side]);
-            let radius = 0.5 * depth_at_centre(own);
+            let radius = CORE_SHARE * depth_at_centre(own);
             if world.is_prescribed(pair[side] as usize) || own.form.ball.is_some() || radius <= 0.0 {
                 return None;
             }
