@@ -17,8 +17,8 @@ use rayon::prelude::*;
 /// Poses of a pair looked at to see whether it passes.
 const POSES: f64 = 512.0;
 
-/// The feature of the contact of a core.
-const CORE: u64 = u64::MAX;
+/// The features of the contacts of the cores of both bodies of a pair.
+const CORES: [u64; 2] = [u64::MAX, u64::MAX - 1];
 
 /// Radius of a core over the depth of the centre.
 const CORE_SHARE: f64 = 0.9;
@@ -140,7 +140,10 @@ impl Collider {
     /// core is stopped, however it turns, unless it passed the other one.
     pub(crate) fn arrivals_of_cores(&self, world: &World, pair: [u32; 2], step: f64) -> Vec<Contact> {
         let (placed, image) = self.placed_pair(world, pair);
-        let velocities = world.pair_velocities(pair);
+        let mut velocities = world.pair_velocities(pair);
+        if let Some(cell) = world.cell().filter(|_| image != [0; 3]) {
+            velocities[1][0] += cell.image_velocity(image);
+        }
         let of_side = |side: usize| {
             let (own, other) = (placed[side], placed[1 - side]);
             let radius = CORE_SHARE * depth_at_centre(own);
@@ -152,7 +155,7 @@ impl Collider {
             let (own, others) = ([velocities[side][0], Vec3::ZERO], velocities[1 - side]);
             let impact = time_of_impact(core, other, own, others, step, 0.0).filter(|i| i.time > 0.0)?;
             let arrival = *arrivals(&impact, core, other, own, others).first()?;
-            let touch = Touch { feature: CORE, ..arrival.touch };
+            let touch = Touch { feature: CORES[side], ..arrival.touch };
             let lead = 0.5 * (arrival.on_a - arrival.on_b);
             let image = if side == 0 { image } else { image.map(|k| -k) };
             Some(Contact { lead, image, ..contact([pair[side], pair[1 - side]], &touch) })
