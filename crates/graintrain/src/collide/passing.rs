@@ -140,10 +140,7 @@ impl Collider {
     /// core is stopped, however it turns, unless it passed the other one.
     pub(crate) fn arrivals_of_cores(&self, world: &World, pair: [u32; 2], step: f64) -> Vec<Contact> {
         let (placed, image) = self.placed_pair(world, pair);
-        let mut velocities = world.pair_velocities(pair);
-        if let Some(cell) = world.cell().filter(|_| image != [0; 3]) {
-            velocities[1][0] += cell.image_velocity(image);
-        }
+        let velocities = world.pair_velocities(pair);
         let of_side = |side: usize| {
             let (own, other) = (placed[side], placed[1 - side]);
             let radius = CORE_SHARE * depth_at_centre(own);
