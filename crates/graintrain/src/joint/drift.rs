@@ -9,7 +9,7 @@
 //! and of what opens joints further half is taken back.
 //! The displacement leaves no velocity, so that no energy comes of it but what bodies gain against gravity,
 //! which is reported ([`crate::step_report::StepReport::correction_energy`]). Bodies that overlap were moved
-//! before, each for itself: that is what opens joints by more than rounding.
+//! before, along the joints to first order: the rest is what opens joints by more than rounding.
 
 use super::elimination::Elimination;
 use super::kinematics::{Near, Placed, Row, coordinate, held};
