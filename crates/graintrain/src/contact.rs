@@ -32,6 +32,13 @@ pub struct Contact {
 }
 
 impl Contact {
+    /// Its bodies, the lower index first.
+    pub(crate) fn unordered(&self) -> [u32; 2] {
+        [self.body_a.min(self.body_b), self.body_a.max(self.body_b)]
+    }
+}
+
+impl Contact {
     /// Points of the bodies A and B from whose centres the arms of the impulse reach, m.
     pub fn surface_points(&self) -> [Vec3; 2] {
         [self.point + self.lead, self.point - self.lead]

@@ -26,8 +26,9 @@ use crate::rotation::{is_isotropic, turned};
 use crate::world::World;
 use graintrain_ccp::RigidContact;
 
-/// Bodies that nothing presses together part with so much of the velocity of their touch.
-const LEVEL: f64 = 1e-6;
+/// What presses bodies together by less than this fraction of the velocity of their touch by the end of the
+/// step is nothing: forces over masses are accelerations but for rounding.
+const UNPRESSED: f64 = 1e-6;
 
 /// Where a body ends the step elsewhere than with the velocities after its impacts all the way.
 #[derive(Clone, Copy, Debug)]
@@ -179,7 +180,7 @@ impl Touch {
         }
         let time = 2.0 * contact.gap / (square.sqrt() - u[0]);
         let velocity = [0, 1, 2].map(|k| u[k] + time * a[k]);
-        let parts = a[0] * (step - time) >= (restitution + LEVEL) * velocity[0];
+        let parts = a[0] * (step - time) >= (restitution + UNPRESSED) * velocity[0];
         (time < step && parts).then_some(Self { time, velocity })
     }
 }

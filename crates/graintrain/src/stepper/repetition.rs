@@ -72,11 +72,6 @@ impl Default for Parameters {
 /// Normals of one contact at the beginning and the end of a step: within 18 degrees.
 const ALIKE: f64 = 0.95;
 
-/// The bodies of a contact, the lower index first.
-fn unordered(contact: &Contact) -> [u32; 2] {
-    [contact.body_a.min(contact.body_b), contact.body_a.max(contact.body_b)]
-}
-
 fn identities(contacts: &[Contact]) -> HashSet<u64> {
     contacts.iter().map(|c| c.identity).collect()
 }
@@ -250,9 +245,9 @@ impl Stepper {
             rounds.contacts.extend(new);
             rounds.round += 1;
         } else if !undetected.is_empty() {
-            let known: HashSet<[u32; 2]> = rounds.contacts.iter().map(unordered).collect();
+            let known: HashSet<[u32; 2]> = rounds.contacts.iter().map(Contact::unordered).collect();
             let unknown: HashSet<[u32; 2]> =
-                undetected.iter().map(unordered).filter(|pair| !known.contains(pair)).collect();
+                undetected.iter().map(Contact::unordered).filter(|pair| !known.contains(pair)).collect();
             rounds.undetected += unknown.len();
         }
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
@@ -343,7 +338,7 @@ impl Stepper {
             let size = pair.iter().map(|&body| self.collider.body_size(world, body as usize));
             step * (a[0] - b[0]).length() > size.fold(f64::INFINITY, f64::min)
         };
-        let mut pairs: Vec<[u32; 2]> = contacts.iter().map(unordered).filter(is_fast).collect();
+        let mut pairs: Vec<[u32; 2]> = contacts.iter().map(Contact::unordered).filter(is_fast).collect();
         pairs.sort_unstable();
         pairs.dedup();
         let found = pairs.into_iter().flat_map(|pair| self.collider.arrivals_of_cores(world, pair, step));
@@ -370,15 +365,15 @@ impl Stepper {
         let (mut known, unknown): (Vec<_>, Vec<_>) =
             deep.into_iter().partition(|c| identities.contains(&c.identity));
         let mut of_pair: HashMap<[u32; 2], Vec<&Contact>> =
-            unknown.iter().map(|c| (unordered(c), Vec::new())).collect();
+            unknown.iter().map(|c| (c.unordered(), Vec::new())).collect();
         for contact in contacts.iter().filter(|_| !unknown.is_empty()) {
-            if let Some(own) = of_pair.get_mut(&unordered(contact)) {
+            if let Some(own) = of_pair.get_mut(&contact.unordered()) {
                 own.push(contact);
             }
         }
         let mut new = Vec::new();
         for contact in unknown {
-            let own = &of_pair[&unordered(&contact)];
+            let own = &of_pair[&contact.unordered()];
             match own.iter().find(|begin| self.is_same_place(world, start, &contact, begin)) {
                 Some(there) => known.push(Contact { identity: there.identity, ..contact }),
                 None => new.push(contact),
@@ -526,7 +521,7 @@ impl Stepper {
         let rows = rigid.contacts();
         let posed = attempt.posed_with(&rounds.contacts);
         let contact = |k: usize| &posed[attempt.active[k] as usize];
-        let pair = |k: usize| unordered(contact(k));
+        let pair = |k: usize| contact(k).unordered();
         let with_seams = |k: &usize| pair(*k).iter().any(|&body| !collider.is_ball(world, body as usize));
         let mut order: Vec<usize> = (0..rows.len()).into_par_iter().filter(with_seams).collect();
         order.sort_by_key(|&k| (pair(k), k));
