@@ -269,11 +269,50 @@ fn solve_finely_if_few(
     if budget.problem.num_contacts() > few.contacts {
         return budget.solve(g, tolerance, None);
     }
+    if let Some(report) = solve_as_if_nothing_slid(budget, few, g)? {
+        return Ok(report);
+    }
     let finer = budget.solve(g, few.tolerance * tolerance, Some(few.iterations))?;
     if !budget.goes_on(&finer) {
         return Ok(finer);
     }
     Ok(budget.solve(g, tolerance, None)?.after(&finer))
+}
+
+/// Exact friction has several solutions where bodies are held by friction alone (a box between two jaws: at
+/// rest, or let go by one edge after the other), and which one an iteration finds depends on the way. That
+/// where nothing slides solves the relaxed problem, too: g becomes the solution of that where it is exact.
+fn solve_as_if_nothing_slid(
+    budget: &mut Budget<'_>,
+    few: &FewParameters,
+    g: &mut [f64],
+) -> Result<Option<SolveReport>, CcpError> {
+    let SolveSettings { friction, criterion, tolerance, .. } = *budget.settings;
+    if friction == FrictionModel::Relaxed || !budget.problem.has_friction() {
+        return Ok(None);
+    }
+    let enough = few.tolerance * tolerance;
+    let mut report = SolveReport::default();
+    evaluate(budget.problem, g, friction, &mut report);
+    if report.residual.measured(criterion) <= enough {
+        return Ok(None);
+    }
+    let settings = SolveSettings {
+        friction: FrictionModel::Relaxed,
+        tolerance: enough,
+        max_iterations: Some(few.iterations),
+        finish: 0,
+        ..budget.settings.clone()
+    };
+    let mut relaxed = g.to_vec();
+    let mut report = budget.solver.solve(budget.problem, &mut relaxed, &settings)?;
+    evaluate(budget.problem, &relaxed, friction, &mut report);
+    let is_exact = report.residual.measured(criterion) <= enough;
+    if is_exact && report.status != Status::Stopped {
+        g.copy_from_slice(&relaxed);
+        (report.status, report.remark) = (Status::Converged, None);
+    }
+    Ok((is_exact || report.status == Status::Stopped).then_some(report))
 }
 
 /// Residuals and objective of these impulses.

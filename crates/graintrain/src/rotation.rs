@@ -116,7 +116,8 @@ impl Rotor {
         let across = is.cross(wanted);
         if across != Vec3::ZERO {
             let angle = real::atan2(across.length(), is.dot(wanted));
-            orientation = turned(orientation, angle * across.normalize());
+            // Spins of rounding alone may have no square.
+            orientation = turned(orientation, angle * across.normalize_or_zero());
         }
         let end = orientation * spin;
         let mean = match self.axis {
@@ -303,6 +304,10 @@ mod tests {
             assert!((after - before).length() < 1e-13 * before.length());
             assert!((end.spin.dot(after) / w.dot(before) - 1.0).abs() < 1e-13);
             assert!((end.spin - w).length() > 1e-3);
+        }
+        for size in [1e-12, 1e-48, 1e-170, 1e-310] {
+            let end = rotor.coast(size * Vec3::new(0.0, 1.0, 0.3), 0.01);
+            assert!(end.spin.is_finite() && end.orientation.is_finite() && end.mean.is_finite(), "{size}");
         }
     }
 

@@ -1,11 +1,12 @@
 //! The loop over bodies that makes the contact list of candidate pairs.
 
-use super::candidates::{Pairs, Sorted};
+use super::candidates::{Others, Pairs, Sorted};
 use super::encoding::{decoded, encoded};
 use super::identity::identity;
 use super::manifold::Solid;
 use super::narrow::{Collidable, Placed, body_contacts};
 use super::reduce::Touch;
+use super::renewal::Known;
 use super::search::{Search, surface_speeds};
 use super::sweep::{arrivals, time_of_impact};
 use crate::contact::Contact;
@@ -31,6 +32,8 @@ pub struct Collider {
     forms: Vec<Collidable>,
     ranks: Option<Arc<Ranks>>,
     stop: Option<Arc<AtomicBool>>,
+    /// The last searches for contacts and for meetings, within a step.
+    known: [Option<Known>; 2],
 }
 
 impl Collider {
@@ -57,8 +60,20 @@ impl Collider {
     /// is the body of similar size and speed to most others, or the one with the lower index where both or
     /// neither are: a grain on a wall is A.
     pub fn contacts(&mut self, world: &World, envelope: f64, step: f64) -> Vec<Contact> {
+        self.forget();
+        self.contacts_again(world, envelope, step)
+    }
+
+    /// [`Self::contacts`] of a world of which, since the last calls within a step, only the states of bodies
+    /// changed. Cost: where few did, that of their surroundings.
+    pub(crate) fn contacts_again(&mut self, world: &World, envelope: f64, step: f64) -> Vec<Contact> {
         let fall = world.largest_acceleration() * step * step;
-        self.search_around(world, Search { envelope, step, fall, meeting: false })
+        self.search(world, Search { envelope, step, fall, meeting: false }, 0)
+    }
+
+    /// Forgets earlier searches: forms, loads or joints may be others now.
+    pub(crate) fn forget(&mut self) {
+        self.known = [None, None];
     }
 
     /// Of [`Self::contacts`] without an envelope at least all those that close by the end of the step at the
@@ -68,15 +83,28 @@ impl Collider {
         let fall = world.largest_acceleration() * step * step;
         // The rates of a cell whose stress is imposed may still change.
         let meeting = world.cell().is_none();
-        self.search_around(world, Search { envelope: 0.0, step, fall, meeting })
+        self.search(world, Search { envelope: 0.0, step, fall, meeting }, 1)
     }
 
-    fn search_around(&mut self, world: &World, search: Search) -> Vec<Contact> {
-        self.update_forms(world);
+    /// The contacts of a search of this kind.
+    fn search(&mut self, world: &World, search: Search, kind: usize) -> Vec<Contact> {
+        if self.update_forms(world) {
+            self.forget();
+        }
         let sorted = self.sort(world, search);
+        let again = self.known[kind].take();
+        let again = again.and_then(|known| self.found_again(world, &sorted, search, &known));
+        let contacts = again.unwrap_or_else(|| self.search_around(world, &sorted, search));
+        if !self.is_stopped() {
+            self.known[kind] = Some(Known::new(world, &sorted, search, &contacts));
+        }
+        contacts
+    }
+
+    fn search_around(&self, world: &World, sorted: &Sorted, search: Search) -> Vec<Contact> {
         let all = world.bodies.len().div_ceil(TASK);
         let own = self.ranks.as_ref().map_or(0..all, |ranks| ranks.part_of(all));
-        let mut pairs = self.pairs(world, &sorted, search, own.clone());
+        let mut pairs = self.pairs(world, sorted, search, own.clone());
         if let Some(ranks) = &self.ranks {
             let words: Vec<u64> =
                 pairs.iter().flatten().map(|&[a, b]| u64::from(a) << 32 | u64::from(b)).collect();
@@ -88,7 +116,7 @@ impl Collider {
             let own = bodies_of(world, task);
             let mut found = Found { contacts: Vec::with_capacity(USUAL * own.len()), ..Found::default() };
             for body in own.take_while(|_| !self.is_stopped()) {
-                self.contacts_of(world, (&sorted, &pairs), body, search, &mut found);
+                self.contacts_of(world, (sorted, &pairs, &sorted.others), body, search, &mut found);
             }
             found.contacts
         };
@@ -134,7 +162,7 @@ impl Collider {
                 for pair in self.pairs_of(world, &sorted, body..body + 1, search.margin()) {
                     self.contacts_of_two(world, &sorted, pair, search, &mut found);
                 }
-                self.others_of(world, &sorted, body, search, &mut found);
+                self.others_of(world, (&sorted, &sorted.others), body, search, &mut found);
                 self.contacts_of_partners(world, &sorted, body, search, &mut found);
                 found.contacts.iter().filter(|c| counts(c)).copied().min_by(deeper)
             };
@@ -256,10 +284,10 @@ impl Collider {
     }
 
     /// Contacts of which `body` is A: those with bodies of the grid, then all others.
-    fn contacts_of(
+    pub(super) fn contacts_of(
         &self,
         world: &World,
-        (sorted, pairs): (&Sorted, &Pairs),
+        (sorted, pairs, others): (&Sorted, &Pairs, &Others),
         body: usize,
         search: Search,
         found: &mut Found,
@@ -271,12 +299,19 @@ impl Collider {
             found.partners.dedup();
         }
         self.contacts_of_partners(world, sorted, body, search, found);
-        self.others_of(world, sorted, body, search, found);
+        self.others_of(world, (sorted, others), body, search, found);
         self.contacts_of_partners(world, sorted, body, search, found);
     }
 
-    /// Makes the partners of `body` as A those that are not of the grid.
-    fn others_of(&self, world: &World, sorted: &Sorted, body: usize, search: Search, found: &mut Found) {
+    /// Makes the partners of `body` as A these that are not of the grid.
+    fn others_of(
+        &self,
+        world: &World,
+        (sorted, among): (&Sorted, &Others),
+        body: usize,
+        search: Search,
+        found: &mut Found,
+    ) {
         let me = self.placed(world, body);
         let margin = search.margin();
         let radius = me.form.bounding_radius;
@@ -293,18 +328,18 @@ impl Collider {
             let by = margin + sorted.travel[body].relative + sorted.largest;
             let around = Aabb::new(around.mins - by, around.maxs + by);
             others.extend(
-                sorted
+                among
                     .tree
                     .intersect_aabb(&around)
-                    .map(|leaf| sorted.large[leaf as usize])
+                    .map(|leaf| among.large[leaf as usize])
                     .filter(|&other| similar || other as usize > body),
             );
-            let near = sorted.unbounded.iter().filter(|other| {
+            let near = among.unbounded.iter().filter(|other| {
                 other.may_touch(me.position, radius + margin + sorted.approach([body as u32, other.body]))
             });
             others.extend(near.map(|other| other.body));
         } else {
-            let later = sorted.unbounded.iter().filter(|other| other.body as usize > body);
+            let later = among.unbounded.iter().filter(|other| other.body as usize > body);
             others.extend(later.map(|other| other.body));
         }
         others.sort_unstable();
@@ -436,7 +471,7 @@ const FAST: f64 = 0.5;
 const TURN: f64 = 0.3;
 
 /// The bodies of a task.
-fn bodies_of(world: &World, task: usize) -> Range<usize> {
+pub(super) fn bodies_of(world: &World, task: usize) -> Range<usize> {
     task * TASK..((task + 1) * TASK).min(world.bodies.len())
 }
 
@@ -455,11 +490,11 @@ pub(super) fn contact([body_a, body_b]: [u32; 2], touch: &Touch) -> Contact {
 
 /// Contacts of one task, with scratch.
 #[derive(Default)]
-struct Found {
+pub(super) struct Found {
     /// Bodies that may touch the one that is looked at.
     partners: Vec<u32>,
     touches: Vec<Touch>,
-    contacts: Vec<Contact>,
+    pub(super) contacts: Vec<Contact>,
 }
 
 #[inline]

@@ -5,6 +5,7 @@ use super::grid::Grid;
 use super::mesh::turned_bounds;
 use super::narrow::Placed;
 use super::search::Search;
+use crate::contact::Contact;
 use crate::math::{Mat3, Vec3};
 use crate::shape::{Part, Shape};
 use crate::world::World;
@@ -16,9 +17,13 @@ use std::ops::Range;
 /// Bodies up to this multiple of the median bounding radius go into the cell list.
 const SIMILAR: f64 = 2.5;
 
+/// Unit of the mean velocity, in bounding radii of the largest similar body per step: what bodies travel is
+/// overrated by no more.
+const MEAN: f64 = 0.02;
+
 /// Bodies by how their neighbours are found.
 pub(super) struct Sorted {
-    grid: Grid,
+    pub(super) grid: Grid,
     /// [`Travel::approach_to_slower`] in the order of the grid, m.
     approach_of_slot: Vec<f64>,
     /// How far the surface of each body may travel within the step, m: at rest, and in the frame that moves
@@ -31,13 +36,30 @@ pub(super) struct Sorted {
     /// Bounding radius of the largest body in the grid, m: how far the travel of a body is looked ahead in
     /// case that the other one comes to rest.
     pub(super) largest: f64,
-    /// Finite bodies too large or too fast for the grid, ascending, with the tree over their bounds.
+    /// Bodies that are not in the grid.
+    pub(super) others: Others,
+    /// The velocity that bodies move with together, m/s: about their mean.
+    pub(super) mean: Vec3,
+    /// Pairs that do not collide, lower index first, ascending.
+    ignored: Vec<[u32; 2]>,
+}
+
+/// Bodies that are not in the grid.
+pub(super) struct Others {
+    /// Finite bodies too large or too fast for it, ascending but for images, with their bounds and the tree
+    /// over those.
     pub(super) large: Vec<u32>,
+    pub(super) bounds: Vec<Aabb>,
     pub(super) tree: Bvh,
     /// Bodies with a plane, ascending.
     pub(super) unbounded: Vec<Unbounded>,
-    /// Pairs that do not collide, lower index first, ascending.
-    ignored: Vec<[u32; 2]>,
+}
+
+impl Others {
+    pub(super) fn new(large: Vec<u32>, bounds: Vec<Aabb>, unbounded: Vec<Unbounded>) -> Self {
+        let tree = Bvh::from_leaves(BvhBuildStrategy::default(), &bounds);
+        Self { large, bounds, tree, unbounded }
+    }
 }
 
 /// How far the surface of a body may travel within the step, m.
@@ -58,6 +80,11 @@ impl Travel {
 }
 
 impl Sorted {
+    /// Whether the bodies of a contact are both in the grid.
+    pub(super) fn are_in_grid(&self, contact: &Contact) -> bool {
+        [contact.body_a, contact.body_b].iter().all(|&body| self.in_grid[body as usize])
+    }
+
     /// Whether two bodies do not collide.
     pub(super) fn is_ignored(&self, [a, b]: [u32; 2]) -> bool {
         !self.ignored.is_empty() && self.ignored.binary_search(&[a.min(b), a.max(b)]).is_ok()
@@ -121,6 +148,7 @@ impl Pairs {
 }
 
 /// A body with a plane.
+#[derive(Clone)]
 pub(super) struct Unbounded {
     pub(super) body: u32,
     /// Its origin, m.
@@ -131,6 +159,7 @@ pub(super) struct Unbounded {
 }
 
 /// What lies behind a plane.
+#[derive(Clone)]
 pub(super) struct HalfSpace {
     /// Outward unit normal.
     normal: Vec3,
@@ -150,12 +179,19 @@ impl Unbounded {
 }
 
 impl Collider {
-    /// Bounds of how far the surfaces of bodies travel; of bodies without bounds only their centre.
-    fn travel(&self, world: &World, step: f64) -> Vec<Travel> {
-        let bodies = &world.bodies;
-        let moving = (0..bodies.len()).filter(|&body| !world.is_prescribed(body));
+    /// The mean velocity of bodies, in steps of `unit`, m/s, so that it seldom is another one.
+    fn mean_velocity(world: &World, unit: f64) -> Vec3 {
+        let moving = (0..world.bodies.len()).filter(|&body| !world.is_prescribed(body));
         let count = moving.clone().count().max(1) as f64;
         let mean: Vec3 = moving.map(|body| world.fluctuation(body)).sum::<Vec3>() / count;
+        let rounded = (mean / unit).round() * unit;
+        if rounded.is_finite() { rounded } else { mean }
+    }
+
+    /// Bounds of how far the surfaces of bodies travel, with the mean velocity, m/s; of bodies without bounds
+    /// only their centre.
+    fn travel(&self, world: &World, step: f64, mean: Vec3) -> Vec<Travel> {
+        let bodies = &world.bodies;
         // What the deformation of a periodic cell makes of the distance of two centres, at most twice the
         // radii.
         let strain =
@@ -230,7 +266,8 @@ impl Collider {
             let middle = finite.len() / 2;
             SIMILAR * *finite.select_nth_unstable_by(middle, f64::total_cmp).1
         };
-        let travel = self.travel(world, step);
+        let mean = Self::mean_velocity(world, MEAN * limit / step);
+        let travel = self.travel(world, step, mean);
         let largest = (0..bodies).map(radius).filter(|&r| r <= limit).fold(0.0, f64::max);
         // A single fast grain must not make the cells of all others huge.
         let in_grid: Vec<bool> =
@@ -292,9 +329,8 @@ impl Collider {
             grid,
             in_grid,
             largest,
-            large,
-            tree: Bvh::from_leaves(BvhBuildStrategy::default(), &bounds),
-            unbounded,
+            others: Others::new(large, bounds, unbounded),
+            mean,
             ignored: world.ignored_pairs(),
         }
     }

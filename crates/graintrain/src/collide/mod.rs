@@ -6,6 +6,7 @@
 //! | `grid` | cell list for the many bodies of similar size |
 //! | `candidates` | candidate pairs: the cell list, a tree over large bodies, planes |
 //! | `broad`, `search` | the loop over bodies that makes the list of contacts; which touches count |
+//! | `renewal` | the same where few bodies moved since the last search |
 //! | `passing` | pairs along their way: whether they meet or pass each other |
 //! | `overlaps` | what an initial state should be checked for |
 //! | `narrow` | contacts of two bodies, shape by shape |
@@ -42,6 +43,7 @@ mod plane;
 mod polish;
 mod polyhedra;
 mod reduce;
+mod renewal;
 #[cfg(test)]
 mod sampled_motions;
 mod search;

@@ -5,7 +5,7 @@ use crate::math::Vec3;
 use crate::world::World;
 
 /// How far contacts are looked for.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq)]
 pub(super) struct Search {
     pub(super) envelope: f64,
     pub(super) step: f64,

@@ -122,7 +122,7 @@ impl Stepper {
             displace(world, &displacement);
             correction.add(Some(displacement));
             correction.add(drift::close(world, &attempt.joints.states, step));
-            *ahead = self.collider.contacts(world, self.settings.envelope, step);
+            *ahead = self.collider.contacts_again(world, self.settings.envelope, step);
         }
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
     }

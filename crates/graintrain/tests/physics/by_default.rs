@@ -2,11 +2,13 @@
 
 use crate::support::*;
 use graintrain::handle::MaterialId;
+use graintrain::joint::{Joint, Motor};
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
 use graintrain::stepper::{StepSettings, Stepper};
 use graintrain::world::Body;
+use std::f64::consts::PI;
 
 fn default_stepper(step: f64) -> Stepper {
     Stepper::new(StepSettings { step, envelope: 1e-3, ..StepSettings::default() }).unwrap()
@@ -80,5 +82,42 @@ fn a_bed_on_a_floor_that_starts_keeps_its_weight() {
             // Walls carry a part, and what is dragged against them presses the more.
             assert!((0.15..8.0).contains(&share), "step {step}: {share} of the weight");
         }
+    }
+}
+
+/// Two light jaws on slides press a box with 1.3 times the force that holds it up. Coulomb's law also lets it
+/// go, by one edge of a face after the other: what can be at rest stays at rest.
+#[test]
+fn jaws_hold_what_they_can_hold() {
+    for (step, cylinder) in [(1e-3, false), (5e-3, false), (1e-2, false), (5e-3, true)] {
+        let mut world = world(0.4, 0.0);
+        let half = 0.05;
+        let load = if cylinder {
+            Geometry::cylinder(2.0 * half, half).unwrap()
+        } else {
+            Geometry::cuboid(Vec3::splat(half)).unwrap()
+        };
+        let load = world.add_geometry(load);
+        let orientation = if cylinder { Quat::from_rotation_y(0.5 * PI) } else { Quat::IDENTITY };
+        let load = Body { orientation, ..Body::new(load, MaterialId::default(), Vec3::ZERO) };
+        let load = world.add_body(load).unwrap().index();
+        let weight = G * world.bodies.mass[load];
+        let jaw = world.add_geometry(Geometry::cuboid(Vec3::new(0.01, 0.05, 0.03)).unwrap());
+        for side in [-1.0, 1.0] {
+            let place = side * (half + 0.01) * Vec3::X;
+            let jaw = world.add_body(Body::new(jaw, MaterialId::default(), place)).unwrap();
+            let mass = &mut world.bodies.mass[jaw.index()];
+            world.bodies.inertia[jaw.index()] *= 0.05 * weight / G / *mass;
+            *mass = 0.05 * weight / G;
+            let press = Motor::Force(Profile::Constant(1.3 * weight / (2.0 * 0.4)));
+            let slide = Joint::prismatic(None, jaw, place, -side * Vec3::X).with_motor(press);
+            world.add_joint(slide).unwrap();
+        }
+        let mut stepper = default_stepper(step);
+        for _ in 0..60 {
+            solved_step(&mut stepper, &mut world);
+        }
+        let (at, w) = (world.bodies.position[load], world.bodies.angular_velocity[load]);
+        assert!(at.length() < 1e-8 && w.length() < 1e-6, "{step} {cylinder}: {at} {w}");
     }
 }
