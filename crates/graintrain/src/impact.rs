@@ -15,7 +15,9 @@
 //! A contact with a gap Phi touches only after it, at u_t^2 = u^2 + 2 a Phi under a relative acceleration a,
 //! and has lost the height Phi again when it is back where the step finds it: there it parts with
 //! `u'^2 = e^2 u_t^2 - 2 a Phi`, of which `at_start` makes the e_i above. So a ball that falls on what is
-//! held or rests reaches e^2 times its height at any step. Balls that meet nothing else keep time as well
+//! held or rests reaches e^2 times its height at any step. What does not fly (`x + dt u+`: bodies in joints or
+//! with prescribed motions, under forces that depend on the place) has velocities of the middle of a step:
+//! there u is u + dt a / 2, which comes back e-fold. Balls that meet nothing else keep time as well
 //! (`touch`): they go on as they were until they touch, and with v' from then on. Joints hold in impacts,
 //! motors with a limit and springs have no time to act, and stops neither. Rolling and spinning friction act
 //! on lasting contact alone: their moments grow with the time that a contact takes, which an impact does not
@@ -40,7 +42,8 @@ use crate::cell_problem::CellRows;
 use crate::collide::Collider;
 use crate::contact::Contact;
 use crate::integrate::{free_velocity, free_velocity_of, velocities};
-use crate::joint::mechanism::coupled_in_impacts;
+use crate::joint::mechanism::{coupled_in_impacts, driven_in_place};
+use crate::load::flies;
 use crate::math::Vec3;
 use crate::parts::{Part, parts};
 use crate::stepper::RepetitionParameters as Repetition;
@@ -199,8 +202,11 @@ impl ImpactSolver<'_> {
             restitution.iter().enumerate().map(|(i, &e)| e > 0.0 || is_timed(i)).collect();
         let mut touched: Vec<(u32, f64)> = Vec::new();
         for pass in 0..=self.parameters.passes {
-            let approaches =
-                |i: &u32| is_impact[*i as usize] && motion.now[3 * *i as usize] < -slow[*i as usize];
+            let approaches = |i: &u32| {
+                let (i, n) = (*i as usize, 3 * *i as usize);
+                // What rests has no velocity in the middle of the last step either.
+                is_impact[i] && motion.now[n].max(motion.now[n] - motion.half[n]) < -slow[i]
+            };
             let closes = |i: &u32| {
                 let gap = of.contacts[*i as usize].gap;
                 gap <= 0.0 || gap + (1.0 - LAST) * step * motion.later[3 * *i as usize] <= 0.0
@@ -380,6 +386,10 @@ struct Motion {
     free: Vec<f64>,
     /// Velocities now, those of prescribed degrees of freedom as in the step.
     driven: Vec<f64>,
+    /// What they are ahead of those of bodies that do not fly, of the middle of the last step, six numbers
+    /// each; and of the contacts.
+    ahead: Vec<f64>,
+    half: Vec<f64>,
     /// Relative velocities of the contacts with `driven` and with `free`.
     now: Vec<f64>,
     later: Vec<f64>,
@@ -401,10 +411,10 @@ impl Motion {
         step: f64,
     ) -> Self {
         let free = free_velocity(world, velocity, step);
-        let driven = with_driven(world, velocity, &free);
+        let mut driven = with_driven(world, velocity, &free);
         let mut falling = free.clone();
         if !coupled.is_empty() {
-            coupled_in_impacts(world, &mut falling, step);
+            falling = driven_in_place(world, &driven, falling, step);
         }
         let carrying = world.contacts.contacts.iter().zip(&world.contacts.impulse);
         let carrying = carrying.filter(|(_, g)| **g != Vec3::ZERO);
@@ -425,10 +435,20 @@ impl Motion {
         }
         let cells = [before, after];
         let in_cell = |k: usize, v: &[f64]| relative_velocities(cells[k].as_ref(), of.contacts, of.rows, v);
-        let (now, later) = (in_cell(0, &driven), in_cell(1, &free));
-        let falling = in_cell(usize::from(!is_carried), &falling);
-        let fall = now.iter().zip(&falling).step_by(3).map(|(now, falling)| now - falling).collect();
-        Self { free, driven, now, later, fall, cells, rate: [0.0; 6] }
+        let (mut now, later) = (in_cell(0, &driven), in_cell(1, &free));
+        let falling_of = in_cell(usize::from(!is_carried), &falling);
+        let fall = now.iter().zip(&falling_of).step_by(3).map(|(now, falling)| now - falling).collect();
+        let flies = flies(world, step);
+        let mut ahead = vec![0.0; driven.len()];
+        for body in (0..flies.len()).filter(|&body| !flies[body]) {
+            for k in 6 * body..6 * body + 6 {
+                ahead[k] = 0.5 * (falling[k] - driven[k]);
+                driven[k] += ahead[k];
+            }
+        }
+        let half = relative_velocities(None, of.contacts, of.rows, &ahead);
+        now.iter_mut().zip(&half).for_each(|(now, half)| *now += half);
+        Self { free, driven, ahead, half, now, later, fall, cells, rate: [0.0; 6] }
     }
 
     /// Velocities at which the contacts of a part close now, three numbers each, and the restitutions with
@@ -460,7 +480,7 @@ impl Motion {
             self.free[six].copy_from_slice(&free_velocity_of(world, &found.velocity, body, step));
             for (k, dynamic) in world.free_degrees(body).into_iter().enumerate() {
                 let of = if dynamic { &found.velocity } else { &self.free };
-                self.driven[6 * body + k] = of[6 * body + k];
+                self.driven[6 * body + k] = of[6 * body + k] + self.ahead[6 * body + k];
             }
         }
         let has_changed = found.rate != self.rate;

@@ -7,6 +7,7 @@
 //! step, contacts and all ([`Action::Drag`]). Where forces change from step to step, contacts are looked for
 //! twice per step: those found at its end do not hold for the next.
 
+use crate::cell::Cell;
 use crate::error::{ModelError, finite, not_below_zero, positive};
 use crate::handle::BodyId;
 use crate::math::Vec3;
@@ -230,6 +231,21 @@ pub(crate) fn remove(world: &mut World, before: Unloaded, was_made: bool) {
     if !was_made {
         world.gravity = before.gravity;
     }
+}
+
+/// Whether each body flies where no contact acts: nothing does but gravity and forces that depend on time
+/// alone, no joint holds it, nothing of it is prescribed, and no periodic cell that deforms takes it along.
+pub(crate) fn flies(world: &World, step: f64) -> Vec<bool> {
+    let (bodies, pushed) = (world.bodies.len(), pushed(world, step));
+    if world.cell().is_some_and(Cell::deforms) {
+        return vec![false; bodies];
+    }
+    let is_pushed = |body: usize| pushed.get(body).copied().unwrap_or(false);
+    let mut flies: Vec<bool> = (0..bodies).map(|body| world.is_free(body) && !is_pushed(body)).collect();
+    for body in world.joints().iter().flat_map(|placed| placed.joint.bodies.iter().flatten()) {
+        flies[body.index()] = false;
+    }
+    flies
 }
 
 /// The bodies on which more acts in the step from now than gravity and forces that depend on time alone: a

@@ -124,21 +124,18 @@ pub(super) fn timed(
 }
 
 /// Whether each contact is a rigid one of balls, or of a ball and what is driven, that have no other one and
-/// no joint and fly, moved by gravity and forces of time alone ([`load::pushed`]); none: empty.
+/// fly ([`load::flies`]); none: empty.
 fn alone(world: &World, collider: &Collider, contacts: &[Contact], step: f64) -> Vec<bool> {
     if world.cell().is_some_and(Cell::deforms) {
         return Vec::new();
     }
-    let pushed = load::pushed(world, step);
+    let flies = load::flies(world, step);
     let mut count = vec![0_usize; world.bodies.len()];
-    let joints = world.joints().iter();
-    let linked = joints.flat_map(|entry| entry.joint.bodies.iter().flatten().map(|body| body.index() as u32));
     let touched = contacts.iter().flat_map(|contact| [contact.body_a, contact.body_b]);
-    linked.chain(touched).for_each(|body| count[body as usize] += 1);
+    touched.for_each(|body| count[body as usize] += 1);
     let is_alone = |body: u32| {
         let k = body as usize;
-        let flies = || world.is_free(k) && !pushed.get(k).copied().unwrap_or(false);
-        world.is_prescribed(k) || count[k] == 1 && flies() && collider.is_ball(world, k)
+        world.is_prescribed(k) || count[k] == 1 && flies[k] && collider.is_ball(world, k)
     };
     let compliance = elasticity::compliances(world, contacts, step);
     let is_rigid = |i: usize| compliance.get(i).is_none_or(|&c| c == 0.0);

@@ -43,7 +43,7 @@ use super::kinematics::{Placed, Row, coordinate, held, last};
 use super::rows::{Root, connected, length_of, made_unit, row_over};
 use super::stiffening::{Stiffening, stiffness};
 use super::{JointKind, JointState, Motor};
-use crate::integrate::inverse_mass;
+use crate::integrate::{inverse_mass, inverse_mass_in_step};
 use crate::math::{Mat3, Quat, Vec3, rotation_exponential};
 use crate::motion::Profile;
 use crate::rotation::{Coasting, Rotor, Turn, world_inertia};
@@ -721,4 +721,16 @@ pub(crate) fn coupled_in_impacts(world: &World, velocity: &mut [f64], step: f64)
     }
     all.velocities(&[], velocity);
     all.coupled()
+}
+
+/// The velocities after a step without contacts, six numbers per body, of bodies that joints hold in the
+/// places where they are, and that motors and springs drive, from those `before` it and those that they would
+/// have without joints (`free`): what stops do, and how joints turn on the way, is none of it.
+pub(crate) fn driven_in_place(world: &World, before: &[f64], free: Vec<f64>, step: f64) -> Vec<f64> {
+    let masses = inverse_mass_in_step(world, step);
+    let mut all = Mechanisms::build(world, &masses, (before, free), step, |_| Vec3::ZERO);
+    for mechanism in &mut all.mechanisms {
+        mechanism.factorise(|row| matches!(row.role, Role::Held(_) | Role::Motor | Role::Spring));
+    }
+    all.unmet()
 }

@@ -3,7 +3,9 @@
 use crate::support::*;
 use graintrain::ccp::FrictionModel;
 use graintrain::ccp::FrictionModel::{Coulomb, Relaxed};
-use graintrain::handle::MaterialId;
+use graintrain::handle::{BodyId, MaterialId};
+use graintrain::joint::Joint;
+use graintrain::load::{Action, Load};
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
@@ -223,6 +225,71 @@ fn a_tilted_capsule_lands_on_both_ends() {
             }
             println!("capsule tilted {tilt} degrees, step {step}: deepest {:.4} R", deepest / radius);
             assert!(deepest < 0.1 * radius, "{tilt} degrees, {step} s: {deepest}");
+        }
+    }
+}
+
+/// What does not fly (held from turning, on a slide, on a spring, joined to another, pulled to a point) has
+/// velocities of the middle of a step, and bounces as high as it fell, at any step; and what lies there with
+/// e > 0 stays.
+#[test]
+fn what_does_not_fly_bounces_as_high_as_it_fell() {
+    let height = 0.2;
+    for (step, restitution) in [(1e-3, 1.0), (5e-3, 1.0), (1e-2, 1.0), (1e-2, 0.5)] {
+        for kind in ["locked", "slide", "spring", "joined", "pulled"] {
+            let mut world = world(0.3, restitution);
+            add_ground(&mut world, 0.0);
+            let ball = add_sphere(&mut world, 0.05, Vec3::new(0.0, 0.0, 0.05 + height));
+            let (body, at) = (BodyId::from_index(ball), world.bodies.position[ball]);
+            let mass = world.bodies.mass[ball];
+            match kind {
+                "locked" => {
+                    let motion = Motion::fixed().with_free([true, true, true, false, false, false]);
+                    world.bodies.motion[ball] = world.add_motion(motion).unwrap();
+                }
+                "joined" => {
+                    let other = add_sphere(&mut world, 0.05, at + 0.2 * Vec3::X);
+                    let other = BodyId::from_index(other);
+                    world.add_joint(Joint::fixed(Some(body), other, at)).unwrap();
+                }
+                "pulled" => {
+                    let pull =
+                        Action::Central { centre: Vec3::ZERO, strength: 4.0, distance: 1.0, power: 1.0 };
+                    world.add_load(Load::on(body, pull)).unwrap();
+                }
+                _ => {
+                    let mut slide = Joint::prismatic(None, body, at, Vec3::Z);
+                    if kind == "spring" {
+                        slide = slide.with_spring(40.0 * mass, 0.0);
+                    }
+                    world.add_joint(slide).unwrap();
+                }
+            }
+            let mut stepper = stepper(step, 1e-3, 1e-8, Coulomb);
+            // Highest places between bounces: of the first with e < 1, of the last with e = 1.
+            let (mut apexes, mut highest, mut low) = (Vec::new(), 0.0_f64, false);
+            for _ in 0..(4.0 / step) as usize {
+                solved_step(&mut stepper, &mut world);
+                let above = world.bodies.position[ball].z - 0.05;
+                let was_low = std::mem::replace(&mut low, above < 0.25 * restitution * height);
+                if was_low && !low {
+                    apexes.push(highest);
+                    highest = 0.0;
+                }
+                highest = highest.max(above);
+            }
+            let apex =
+                if restitution < 1.0 { apexes.get(1).unwrap_or(&highest) } else { &apexes[apexes.len() - 1] };
+            let share = apex / height;
+            let expected = restitution * restitution;
+            println!("{kind}, {step} s, e = {restitution}: {share:.4} of the height");
+            if kind != "spring" && kind != "pulled" || restitution == 1.0 {
+                assert!((share - expected).abs() < 0.01 * expected, "{kind} {step} {restitution}: {share}");
+            }
+            if restitution < 1.0 {
+                let left = world.bodies.velocity[ball].length();
+                assert!(left < 1e-3, "{kind}: still {left} m/s");
+            }
         }
     }
 }
