@@ -15,13 +15,14 @@
 //! A contact with a gap Phi touches only after it, at u_t^2 = u^2 + 2 a Phi under a relative acceleration a,
 //! and has lost the height Phi again when it is back where the step finds it: there it parts with
 //! `u'^2 = e^2 u_t^2 - 2 a Phi`, of which `at_start` makes the e_i above. So a ball that falls on what is
-//! held or rests reaches e^2 times its height at any step. What does not fly (`x + dt u+`: bodies in joints or
-//! with prescribed motions, under forces that depend on the place) has velocities of the middle of a step:
-//! there u is u + dt a / 2, which comes back e-fold. Balls that meet nothing else keep time as well
-//! (`touch`): they go on as they were until they touch, and with v' from then on. Joints hold in impacts,
-//! motors with a limit and springs have no time to act, and stops neither. Rolling and spinning friction act
-//! on lasting contact alone: their moments grow with the time that a contact takes, which an impact does not
-//! have. A collision that runs through a row of bodies (Newton's cradle) takes one pass per contact.
+//! held or rests reaches e^2 times its height at any step. What nothing carries and does not fly either
+//! (`x + dt u+`: bodies in joints or with prescribed motions, under forces that depend on the place) has
+//! velocities of the middle of a step: there u is u + dt a / 2 (`to_now`), which comes back e-fold. Balls
+//! that meet nothing else keep time as well (`touch`): they go on as they were until they touch, and with v'
+//! from then on. Joints hold in impacts, motors with a limit and springs have no time to act, and stops
+//! neither. Rolling and spinning friction act on lasting contact alone: their moments grow with the time that
+//! a contact takes, which an impact does not have. A collision that runs through a row of bodies (Newton's
+//! cradle) takes one pass per contact.
 //!
 //! Without friction and with one e_i for all contacts a pass cannot make energy (J. J. Moreau, "Unilateral
 //! contact and dry friction in finite freedom dynamics", 1988: e = 1 keeps it exactly); with friction, or
@@ -42,8 +43,9 @@ use crate::cell_problem::CellRows;
 use crate::collide::Collider;
 use crate::contact::Contact;
 use crate::integrate::{free_velocity, free_velocity_of, velocities};
+use crate::joint::Motor;
 use crate::joint::mechanism::{coupled_in_impacts, driven_in_place};
-use crate::load::flies;
+use crate::load;
 use crate::math::Vec3;
 use crate::parts::{Part, parts};
 use crate::stepper::RepetitionParameters as Repetition;
@@ -204,8 +206,8 @@ impl ImpactSolver<'_> {
         for pass in 0..=self.parameters.passes {
             let approaches = |i: &u32| {
                 let (i, n) = (*i as usize, 3 * *i as usize);
-                // What rests has no velocity in the middle of the last step either.
-                is_impact[i] && motion.now[n].max(motion.now[n] - motion.half[n]) < -slow[i]
+                // What rests had no velocity in the middle of the last step either.
+                is_impact[i] && motion.now[n].max(motion.now[n] - motion.by_now[n]) < -slow[i]
             };
             let closes = |i: &u32| {
                 let gap = of.contacts[*i as usize].gap;
@@ -386,10 +388,10 @@ struct Motion {
     free: Vec<f64>,
     /// Velocities now, those of prescribed degrees of freedom as in the step.
     driven: Vec<f64>,
-    /// What they are ahead of those of bodies that do not fly, of the middle of the last step, six numbers
-    /// each; and of the contacts.
-    ahead: Vec<f64>,
-    half: Vec<f64>,
+    /// What has been added there to velocities of the middle of the last step ([`to_now`]), six numbers per
+    /// body; and what that makes of the contacts.
+    to_now: Vec<f64>,
+    by_now: Vec<f64>,
     /// Relative velocities of the contacts with `driven` and with `free`.
     now: Vec<f64>,
     later: Vec<f64>,
@@ -414,7 +416,7 @@ impl Motion {
         let mut driven = with_driven(world, velocity, &free);
         let mut falling = free.clone();
         if !coupled.is_empty() {
-            falling = driven_in_place(world, &driven, falling, step);
+            coupled_in_impacts(world, &mut falling, step);
         }
         let carrying = world.contacts.contacts.iter().zip(&world.contacts.impulse);
         let carrying = carrying.filter(|(_, g)| **g != Vec3::ZERO);
@@ -438,17 +440,11 @@ impl Motion {
         let (mut now, later) = (in_cell(0, &driven), in_cell(1, &free));
         let falling_of = in_cell(usize::from(!is_carried), &falling);
         let fall = now.iter().zip(&falling_of).step_by(3).map(|(now, falling)| now - falling).collect();
-        let flies = flies(world, step);
-        let mut ahead = vec![0.0; driven.len()];
-        for body in (0..flies.len()).filter(|&body| !flies[body]) {
-            for k in 6 * body..6 * body + 6 {
-                ahead[k] = 0.5 * (falling[k] - driven[k]);
-                driven[k] += ahead[k];
-            }
-        }
-        let half = relative_velocities(None, of.contacts, of.rows, &ahead);
-        now.iter_mut().zip(&half).for_each(|(now, half)| *now += half);
-        Self { free, driven, ahead, half, now, later, fall, cells, rate: [0.0; 6] }
+        let to_now = to_now(world, coupled, [&driven, &free], step);
+        driven.iter_mut().zip(&to_now).for_each(|(v, more)| *v += more);
+        let by_now = relative_velocities(None, of.contacts, of.rows, &to_now);
+        now.iter_mut().zip(&by_now).for_each(|(now, more)| *now += more);
+        Self { free, driven, to_now, by_now, now, later, fall, cells, rate: [0.0; 6] }
     }
 
     /// Velocities at which the contacts of a part close now, three numbers each, and the restitutions with
@@ -480,7 +476,7 @@ impl Motion {
             self.free[six].copy_from_slice(&free_velocity_of(world, &found.velocity, body, step));
             for (k, dynamic) in world.free_degrees(body).into_iter().enumerate() {
                 let of = if dynamic { &found.velocity } else { &self.free };
-                self.driven[6 * body + k] = of[6 * body + k] + self.ahead[6 * body + k];
+                self.driven[6 * body + k] = of[6 * body + k] + self.to_now[6 * body + k];
             }
         }
         let has_changed = found.rate != self.rate;
@@ -506,6 +502,34 @@ impl Motion {
             }
         }
     }
+}
+
+/// What is to be added to velocities of the middle of the last step to make them those of now, dt a / 2: of
+/// bodies that do not fly and that no contact carried in the last step. Of a mechanism only where nothing
+/// else holds it either: no stop (a taut rope is one), and no motor with a limit. `[now, free]` are the
+/// velocities before and after the step if no contact acted, six numbers per body.
+fn to_now(world: &World, coupled: &[CoupledBodies], [now, free]: [&[f64]; 2], step: f64) -> Vec<f64> {
+    let flies = load::flies(world, step);
+    let mut is_held = vec![false; flies.len()];
+    let carrying = world.contacts.contacts.iter().zip(&world.contacts.impulse);
+    let carried = carrying.filter(|(_, g)| **g != Vec3::ZERO).flat_map(|(c, _)| [c.body_a, c.body_b]);
+    carried.for_each(|body| is_held[body as usize] = true);
+    for placed in world.joints() {
+        let has_limit = matches!(placed.joint.motor, Some(Motor::Speed { limit: Some(_), .. }));
+        if has_limit || placed.state.stopped != 0 {
+            placed.joint.bodies.iter().flatten().for_each(|body| is_held[body.index()] = true);
+        }
+    }
+    let mut after = free.to_vec();
+    for CoupledBodies { bodies, .. } in coupled {
+        let any = bodies.iter().any(|&body| is_held[body as usize]);
+        bodies.iter().for_each(|&body| is_held[body as usize] = any);
+    }
+    if coupled.iter().any(|mechanism| mechanism.bodies.iter().any(|&body| !is_held[body as usize])) {
+        after = driven_in_place(world, now, after, step);
+    }
+    let lags = |body: usize| !flies[body] && !is_held[body];
+    (0..now.len()).map(|k| if lags(k / 6) { 0.5 * (after[k] - now[k]) } else { 0.0 }).collect()
 }
 
 /// Those parts that have contacts across the boundary are one, as the cell is.

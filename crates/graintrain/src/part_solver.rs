@@ -168,6 +168,9 @@ pub(crate) struct Solved {
     pub parts: usize,
 }
 
+/// Friction nearer than this to all that a contact can have slides.
+const EDGE: f64 = 1e-9;
+
 /// A solver and what is left of its iterations.
 struct Budget<'a> {
     solver: &'a mut dyn CcpSolver,
@@ -269,10 +272,16 @@ fn solve_finely_if_few(
     if budget.problem.num_contacts() > few.contacts {
         return budget.solve(g, tolerance, None);
     }
-    if let Some(report) = solve_as_if_nothing_slid(budget, few, g)? {
-        return Ok(report);
+    let tried = solve_as_if_nothing_slid(budget, few, g)?;
+    if let Some(report) = &tried
+        && (!budget.goes_on(report) || report.converged())
+    {
+        return Ok(report.clone());
     }
-    let finer = budget.solve(g, few.tolerance * tolerance, Some(few.iterations))?;
+    let mut finer = budget.solve(g, few.tolerance * tolerance, Some(few.iterations))?;
+    if let Some(tried) = tried {
+        finer = finer.after(&tried);
+    }
     if !budget.goes_on(&finer) {
         return Ok(finer);
     }
@@ -281,38 +290,55 @@ fn solve_finely_if_few(
 
 /// Exact friction has several solutions where bodies are held by friction alone (a box between two jaws: at
 /// rest, or let go by one edge after the other), and which one an iteration finds depends on the way. That
-/// where nothing slides solves the relaxed problem, too: g becomes the solution of that where it is exact.
+/// where nothing slides solves the relaxed problem, too: g becomes the solution of that if it is exact, and
+/// goes on from there if it is not found finely. The report tells how it went; `None`: it was not tried,
+/// since g holds, or something slid in it, and no joints (N is no matrix) make the rounds of a step start
+/// from one another's solutions.
 fn solve_as_if_nothing_slid(
     budget: &mut Budget<'_>,
     few: &FewParameters,
     g: &mut [f64],
 ) -> Result<Option<SolveReport>, CcpError> {
     let SolveSettings { friction, criterion, tolerance, .. } = *budget.settings;
-    if friction == FrictionModel::Relaxed || !budget.problem.has_friction() {
+    let is_plain = matches!(&*budget.problem.delassus, Delassus::Rigid(_));
+    let slid = is_plain && slides(budget.problem, g);
+    if friction == FrictionModel::Relaxed || !budget.problem.has_friction() || slid {
         return Ok(None);
     }
     let enough = few.tolerance * tolerance;
+    let holds = |report: &SolveReport| report.residual.measured(criterion) <= enough;
     let mut report = SolveReport::default();
     evaluate(budget.problem, g, friction, &mut report);
-    if report.residual.measured(criterion) <= enough {
+    if holds(&report) {
         return Ok(None);
     }
     let settings = SolveSettings {
         friction: FrictionModel::Relaxed,
         tolerance: enough,
-        max_iterations: Some(few.iterations),
+        max_iterations: budget.left.into_iter().chain([few.iterations]).min(),
         finish: 0,
         ..budget.settings.clone()
     };
     let mut relaxed = g.to_vec();
     let mut report = budget.solver.solve(budget.problem, &mut relaxed, &settings)?;
+    budget.left = budget.left.map(|left| left.saturating_sub(report.iterations));
     evaluate(budget.problem, &relaxed, friction, &mut report);
-    let is_exact = report.residual.measured(criterion) <= enough;
-    if is_exact && report.status != Status::Stopped {
+    if report.residual.measured(criterion) <= tolerance {
         g.copy_from_slice(&relaxed);
-        (report.status, report.remark) = (Status::Converged, None);
+    } else {
+        evaluate(budget.problem, g, friction, &mut report);
     }
-    Ok((is_exact || report.status == Status::Stopped).then_some(report))
+    if report.status != Status::Stopped {
+        report.status = if holds(&report) { Status::Converged } else { Status::IterationLimit };
+        report.remark = None;
+    }
+    Ok(Some(report))
+}
+
+/// Whether a contact presses and has all the friction that it can have.
+fn slides(problem: &Ccp, g: &[f64]) -> bool {
+    let mut contacts = g.chunks_exact(3).zip(&problem.friction);
+    contacts.any(|(g, mu)| g[0] > 0.0 && *mu > 0.0 && real::hypot(g[1], g[2]) >= (1.0 - EDGE) * mu * g[0])
 }
 
 /// Residuals and objective of these impulses.

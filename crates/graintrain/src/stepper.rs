@@ -216,7 +216,6 @@ impl Stepper {
         let (step, envelope) = (self.settings.step, self.settings.envelope);
         check_drives(world, step)?;
         let same_forms = !self.collider.update_forms(world);
-        self.collider.forget();
         let found = self.ahead.take().filter(|(state, _)| same_forms && *state == world.fingerprint());
         let contacts = match found {
             Some((_, contacts)) => contacts,
@@ -270,7 +269,7 @@ impl Stepper {
         }
         rounds.laps.add(|phases| &mut phases.integrate, begin.lap());
         let begin = Clock::now();
-        let ahead = self.collider.contacts_again(world, self.settings.envelope, step);
+        let ahead = self.collider.contacts(world, self.settings.envelope, step);
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
         Made { attempt, kicked, lost, size, correction, ahead }
     }

@@ -6,7 +6,6 @@ use super::identity::identity;
 use super::manifold::Solid;
 use super::narrow::{Collidable, Placed, body_contacts};
 use super::reduce::Touch;
-use super::renewal::Known;
 use super::search::{Search, surface_speeds};
 use super::sweep::{arrivals, time_of_impact};
 use crate::contact::Contact;
@@ -32,8 +31,6 @@ pub struct Collider {
     forms: Vec<Collidable>,
     ranks: Option<Arc<Ranks>>,
     stop: Option<Arc<AtomicBool>>,
-    /// The last searches for contacts and for meetings, within a step.
-    known: [Option<Known>; 2],
 }
 
 impl Collider {
@@ -60,51 +57,24 @@ impl Collider {
     /// is the body of similar size and speed to most others, or the one with the lower index where both or
     /// neither are: a grain on a wall is A.
     pub fn contacts(&mut self, world: &World, envelope: f64, step: f64) -> Vec<Contact> {
-        self.forget();
-        self.contacts_again(world, envelope, step)
-    }
-
-    /// [`Self::contacts`] of a world of which, since the last calls within a step, only the states of bodies
-    /// changed. Cost: where few did, that of their surroundings.
-    pub(crate) fn contacts_again(&mut self, world: &World, envelope: f64, step: f64) -> Vec<Contact> {
-        let fall = world.largest_acceleration() * step * step;
-        self.search(world, Search { envelope, step, fall, meeting: false }, 0)
-    }
-
-    /// Forgets earlier searches: forms, loads or joints may be others now.
-    pub(crate) fn forget(&mut self) {
-        self.known = [None, None];
+        self.search_around(world, Search::all(world, envelope, step))
     }
 
     /// Of [`Self::contacts`] without an envelope at least all those that close by the end of the step at the
     /// present velocities: two balls that move by less than their gap relative to each other, most of a pile,
     /// are left out before anything else is found out about them.
     pub(crate) fn meetings(&mut self, world: &World, step: f64) -> Vec<Contact> {
-        let fall = world.largest_acceleration() * step * step;
         // The rates of a cell whose stress is imposed may still change.
         let meeting = world.cell().is_none();
-        self.search(world, Search { envelope: 0.0, step, fall, meeting }, 1)
+        self.search_around(world, Search { meeting, ..Search::all(world, 0.0, step) })
     }
 
-    /// The contacts of a search of this kind.
-    fn search(&mut self, world: &World, search: Search, kind: usize) -> Vec<Contact> {
-        if self.update_forms(world) {
-            self.forget();
-        }
+    fn search_around(&mut self, world: &World, search: Search) -> Vec<Contact> {
+        self.update_forms(world);
         let sorted = self.sort(world, search);
-        let again = self.known[kind].take();
-        let again = again.and_then(|known| self.found_again(world, &sorted, search, &known));
-        let contacts = again.unwrap_or_else(|| self.search_around(world, &sorted, search));
-        if !self.is_stopped() {
-            self.known[kind] = Some(Known::new(world, &sorted, search, &contacts));
-        }
-        contacts
-    }
-
-    fn search_around(&self, world: &World, sorted: &Sorted, search: Search) -> Vec<Contact> {
         let all = world.bodies.len().div_ceil(TASK);
         let own = self.ranks.as_ref().map_or(0..all, |ranks| ranks.part_of(all));
-        let mut pairs = self.pairs(world, sorted, search, own.clone());
+        let mut pairs = self.pairs(world, &sorted, search, own.clone());
         if let Some(ranks) = &self.ranks {
             let words: Vec<u64> =
                 pairs.iter().flatten().map(|&[a, b]| u64::from(a) << 32 | u64::from(b)).collect();
@@ -116,7 +86,7 @@ impl Collider {
             let own = bodies_of(world, task);
             let mut found = Found { contacts: Vec::with_capacity(USUAL * own.len()), ..Found::default() };
             for body in own.take_while(|_| !self.is_stopped()) {
-                self.contacts_of(world, (sorted, &pairs, &sorted.others), body, search, &mut found);
+                self.contacts_of(world, (&sorted, &pairs, &sorted.others), body, search, &mut found);
             }
             found.contacts
         };

@@ -17,10 +17,6 @@ use std::ops::Range;
 /// Bodies up to this multiple of the median bounding radius go into the cell list.
 const SIMILAR: f64 = 2.5;
 
-/// Unit of the mean velocity, in bounding radii of the largest similar body per step: what bodies travel is
-/// overrated by no more.
-const MEAN: f64 = 0.02;
-
 /// Bodies by how their neighbours are found.
 pub(super) struct Sorted {
     pub(super) grid: Grid,
@@ -38,8 +34,6 @@ pub(super) struct Sorted {
     pub(super) largest: f64,
     /// Bodies that are not in the grid.
     pub(super) others: Others,
-    /// The velocity that bodies move with together, m/s: about their mean.
-    pub(super) mean: Vec3,
     /// Pairs that do not collide, lower index first, ascending.
     ignored: Vec<[u32; 2]>,
 }
@@ -179,19 +173,12 @@ impl Unbounded {
 }
 
 impl Collider {
-    /// The mean velocity of bodies, in steps of `unit`, m/s, so that it seldom is another one.
-    fn mean_velocity(world: &World, unit: f64) -> Vec3 {
-        let moving = (0..world.bodies.len()).filter(|&body| !world.is_prescribed(body));
+    /// Bounds of how far the surfaces of bodies travel; of bodies without bounds only their centre.
+    fn travel(&self, world: &World, step: f64) -> Vec<Travel> {
+        let bodies = &world.bodies;
+        let moving = (0..bodies.len()).filter(|&body| !world.is_prescribed(body));
         let count = moving.clone().count().max(1) as f64;
         let mean: Vec3 = moving.map(|body| world.fluctuation(body)).sum::<Vec3>() / count;
-        let rounded = (mean / unit).round() * unit;
-        if rounded.is_finite() { rounded } else { mean }
-    }
-
-    /// Bounds of how far the surfaces of bodies travel, with the mean velocity, m/s; of bodies without bounds
-    /// only their centre.
-    fn travel(&self, world: &World, step: f64, mean: Vec3) -> Vec<Travel> {
-        let bodies = &world.bodies;
         // What the deformation of a periodic cell makes of the distance of two centres, at most twice the
         // radii.
         let strain =
@@ -266,8 +253,7 @@ impl Collider {
             let middle = finite.len() / 2;
             SIMILAR * *finite.select_nth_unstable_by(middle, f64::total_cmp).1
         };
-        let mean = Self::mean_velocity(world, MEAN * limit / step);
-        let travel = self.travel(world, step, mean);
+        let travel = self.travel(world, step);
         let largest = (0..bodies).map(radius).filter(|&r| r <= limit).fold(0.0, f64::max);
         // A single fast grain must not make the cells of all others huge.
         let in_grid: Vec<bool> =
@@ -330,7 +316,6 @@ impl Collider {
             in_grid,
             largest,
             others: Others::new(large, bounds, unbounded),
-            mean,
             ignored: world.ignored_pairs(),
         }
     }

@@ -6,7 +6,7 @@
 //! | `grid` | cell list for the many bodies of similar size |
 //! | `candidates` | candidate pairs: the cell list, a tree over large bodies, planes |
 //! | `broad`, `search` | the loop over bodies that makes the list of contacts; which touches count |
-//! | `renewal` | the same where few bodies moved since the last search |
+//! | `renewal` | the same where bodies were moved since the last search |
 //! | `passing` | pairs along their way: whether they meet or pass each other |
 //! | `overlaps` | what an initial state should be checked for |
 //! | `narrow` | contacts of two bodies, shape by shape |

@@ -5,7 +5,7 @@ use crate::math::Vec3;
 use crate::world::World;
 
 /// How far contacts are looked for.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy)]
 pub(super) struct Search {
     pub(super) envelope: f64,
     pub(super) step: f64,
@@ -16,6 +16,11 @@ pub(super) struct Search {
 }
 
 impl Search {
+    /// For all contacts.
+    pub(super) fn all(world: &World, envelope: f64, step: f64) -> Self {
+        Self { envelope, step, fall: world.largest_acceleration() * step * step, meeting: false }
+    }
+
     /// How near pairs have to come to be looked at, m.
     pub(super) fn margin(&self) -> f64 {
         self.envelope.max(self.fall)

@@ -725,7 +725,8 @@ pub(crate) fn coupled_in_impacts(world: &World, velocity: &mut [f64], step: f64)
 
 /// The velocities after a step without contacts, six numbers per body, of bodies that joints hold in the
 /// places where they are, and that motors and springs drive, from those `before` it and those that they would
-/// have without joints (`free`): what stops do, and how joints turn on the way, is none of it.
+/// have without joints (`free`): what stops do, and how joints turn on the way, is none of it; a motor with a
+/// limit has none.
 pub(crate) fn driven_in_place(world: &World, before: &[f64], free: Vec<f64>, step: f64) -> Vec<f64> {
     let masses = inverse_mass_in_step(world, step);
     let mut all = Mechanisms::build(world, &masses, (before, free), step, |_| Vec3::ZERO);

@@ -14,7 +14,7 @@ use crate::integrate::{displace, inverse_mass, velocities};
 use crate::joint::drift;
 use crate::joint::mechanism::coupled_in_impacts;
 use crate::load;
-use crate::math::Vec3;
+use crate::math::{Quat, Vec3};
 use crate::measure::energy;
 use crate::overlap::{Correction, Gaps, Share};
 use crate::step_report::{PhysicalErrors, StepReport, wrenches};
@@ -31,6 +31,12 @@ fn coupled(world: &World, step: f64) -> Vec<CoupledBodies> {
     } else {
         coupled_in_impacts(world, &mut velocities(world), step)
     }
+}
+
+/// Where a body is, bit by bit.
+fn place_bits(position: Vec3, orientation: Quat) -> [u64; 7] {
+    let ([x, y, z], [a, b, c, w]) = (position.to_array(), orientation.to_array());
+    [x, y, z, a, b, c, w].map(f64::to_bits)
 }
 
 /// A correction without displacements that are no numbers.
@@ -119,10 +125,15 @@ impl Stepper {
             }
             least = now.min(least);
             let Some(displacement) = self.without(world, ahead, &errors, correction) else { break };
+            let places = world.bodies.position.iter().zip(&world.bodies.orientation);
+            let before: Vec<_> = places.map(|(p, q)| place_bits(*p, *q)).collect();
             displace(world, &displacement);
             correction.add(Some(displacement));
             correction.add(drift::close(world, &attempt.joints.states, step));
-            *ahead = self.collider.contacts_again(world, self.settings.envelope, step);
+            let places = world.bodies.position.iter().zip(&world.bodies.orientation);
+            let moved: Vec<bool> =
+                places.zip(before).map(|((p, q), old)| place_bits(*p, *q) != old).collect();
+            *ahead = self.collider.contacts_again(world, (ahead, &moved), self.settings.envelope, step);
         }
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
     }

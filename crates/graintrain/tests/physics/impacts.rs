@@ -4,10 +4,10 @@ use crate::support::*;
 use graintrain::ccp::FrictionModel;
 use graintrain::ccp::FrictionModel::{Coulomb, Relaxed};
 use graintrain::handle::{BodyId, MaterialId};
-use graintrain::joint::Joint;
+use graintrain::joint::{Joint, Motor};
 use graintrain::load::{Action, Load};
-use graintrain::math::{Quat, Vec3};
-use graintrain::motion::Motion;
+use graintrain::math::{Mat3, Quat, Vec3};
+use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
 use graintrain::world::Body;
 
@@ -290,6 +290,57 @@ fn what_does_not_fly_bounces_as_high_as_it_fell() {
                 let left = world.bodies.velocity[ball].length();
                 assert!(left < 1e-3, "{kind}: still {left} m/s");
             }
+        }
+    }
+}
+
+/// A ball that bounces on an anvil which a stop holds, below a slab on a taut rope, and against a plate with
+/// a weak motor: what holds them counts, and what they would do without it does not.
+#[test]
+fn what_is_held_is_struck_as_it_moves() {
+    let step = 1e-2;
+    for kind in ["stop", "rope", "motor"] {
+        let mut world = world(0.0, 1.0);
+        let up = if kind == "stop" { 1.0 } else { -1.0 };
+        if kind != "stop" {
+            world.gravity = Vec3::ZERO;
+        }
+        let anvil = world.add_geometry(Geometry::cuboid(Vec3::new(0.3, 0.3, 0.05)).unwrap());
+        let anvil =
+            world.add_body(Body::new(anvil, MaterialId::default(), -0.05 * up * Vec3::Z)).unwrap().index();
+        (world.bodies.mass[anvil], world.bodies.inertia[anvil]) = (1000.0, 1000.0 * Mat3::IDENTITY);
+        let body = BodyId::from_index(anvil);
+        let at = world.bodies.position[anvil];
+        let slide = Joint::prismatic(None, body, at, Vec3::Z);
+        let joint = match kind {
+            "stop" => slide.with_limits(Some(0.0), None),
+            "rope" => {
+                world.bodies.force[anvil] = -9810.0 * Vec3::Z;
+                Joint::distance(None, body, [at + Vec3::Z, at]).with_limits(None, Some(1.0))
+            }
+            _ => slide.with_motor(Motor::Speed {
+                speed: Profile::Constant(10.0),
+                limit: Some(Profile::Constant(1.0)),
+            }),
+        };
+        world.add_joint(joint).unwrap();
+        let ball = add_sphere(&mut world, 0.05, Vec3::new(0.0, 0.0, up * 0.25));
+        if kind != "stop" {
+            world.bodies.velocity[ball] = Vec3::Z;
+        }
+        let mut stepper = stepper(step, 1e-3, 1e-8, Coulomb);
+        let (mut highest, mut fastest) = (0.0_f64, 0.0_f64);
+        for k in 0..100 {
+            solved_step(&mut stepper, &mut world);
+            if k > 30 {
+                highest = highest.max(world.bodies.position[ball].z - 0.05);
+                fastest = fastest.max(world.bodies.velocity[ball].length());
+            }
+        }
+        if kind == "stop" {
+            assert_close(highest, 0.2, 2e-3, kind);
+        } else {
+            assert_close(fastest, 1.0, 2e-2, kind);
         }
     }
 }
