@@ -273,10 +273,11 @@ fn solve_finely_if_few(
         return budget.solve(g, tolerance, None);
     }
     let tried = solve_as_if_nothing_slid(budget, few, g)?;
-    if let Some(report) = &tried
-        && (!budget.goes_on(report) || report.converged())
-    {
-        return Ok(report.clone());
+    if let Some(report) = &tried {
+        let is_fine = report.residual.measured(budget.settings.criterion) <= few.tolerance * tolerance;
+        if is_fine || report.status == Status::Stopped || budget.left == Some(0) {
+            return Ok(report.clone());
+        }
     }
     let mut finer = budget.solve(g, few.tolerance * tolerance, Some(few.iterations))?;
     if let Some(tried) = tried {
@@ -306,10 +307,9 @@ fn solve_as_if_nothing_slid(
         return Ok(None);
     }
     let enough = few.tolerance * tolerance;
-    let holds = |report: &SolveReport| report.residual.measured(criterion) <= enough;
     let mut report = SolveReport::default();
     evaluate(budget.problem, g, friction, &mut report);
-    if holds(&report) {
+    if report.residual.measured(criterion) <= enough {
         return Ok(None);
     }
     let settings = SolveSettings {
@@ -323,13 +323,13 @@ fn solve_as_if_nothing_slid(
     let mut report = budget.solver.solve(budget.problem, &mut relaxed, &settings)?;
     budget.left = budget.left.map(|left| left.saturating_sub(report.iterations));
     evaluate(budget.problem, &relaxed, friction, &mut report);
-    if report.residual.measured(criterion) <= tolerance {
+    if budget.is_good(&report) {
         g.copy_from_slice(&relaxed);
     } else {
         evaluate(budget.problem, g, friction, &mut report);
     }
     if report.status != Status::Stopped {
-        report.status = if holds(&report) { Status::Converged } else { Status::IterationLimit };
+        report.status = if budget.is_good(&report) { Status::Converged } else { Status::IterationLimit };
         report.remark = None;
     }
     Ok(Some(report))

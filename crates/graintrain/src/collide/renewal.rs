@@ -13,9 +13,10 @@ use parry3d_f64::bounding_volume::Aabb;
 use rayon::prelude::*;
 
 impl Collider {
-    /// [`Collider::contacts`] of a world in which those bodies that `moved` are elsewhere than when it found
-    /// `known`, with their velocities of then. Cost: that of their surroundings and of sorting the bodies; in
-    /// a periodic cell, in which velocities depend on places, that of a whole search.
+    /// [`Collider::contacts`] of a world in which those bodies that `moved` have another place, orientation
+    /// or spin than when it found `known`, and nothing else is otherwise. Cost: that of their surroundings
+    /// and of sorting the bodies; in a periodic cell, in which velocities depend on places, that of a whole
+    /// search.
     pub(crate) fn contacts_again(
         &mut self,
         world: &World,

@@ -14,7 +14,7 @@ use crate::integrate::{displace, inverse_mass, velocities};
 use crate::joint::drift;
 use crate::joint::mechanism::coupled_in_impacts;
 use crate::load;
-use crate::math::{Quat, Vec3};
+use crate::math::Vec3;
 use crate::measure::energy;
 use crate::overlap::{Correction, Gaps, Share};
 use crate::step_report::{PhysicalErrors, StepReport, wrenches};
@@ -33,10 +33,15 @@ fn coupled(world: &World, step: f64) -> Vec<CoupledBodies> {
     }
 }
 
-/// Where a body is, bit by bit.
-fn place_bits(position: Vec3, orientation: Quat) -> [u64; 7] {
-    let ([x, y, z], [a, b, c, w]) = (position.to_array(), orientation.to_array());
-    [x, y, z, a, b, c, w].map(f64::to_bits)
+/// What displacements change of every body, bit by bit: place, orientation and spin.
+fn poses(world: &World) -> Vec<[u64; 10]> {
+    let bodies = &world.bodies;
+    let pose = |body: usize| {
+        let ([x, y, z], [u, v, w]) = (bodies.position[body].into(), bodies.angular_velocity[body].into());
+        let [a, b, c, d] = bodies.orientation[body].into();
+        [x, y, z, u, v, w, a, b, c, d].map(f64::to_bits)
+    };
+    (0..bodies.len()).map(pose).collect()
 }
 
 /// A correction without displacements that are no numbers.
@@ -125,14 +130,11 @@ impl Stepper {
             }
             least = now.min(least);
             let Some(displacement) = self.without(world, ahead, &errors, correction) else { break };
-            let places = world.bodies.position.iter().zip(&world.bodies.orientation);
-            let before: Vec<_> = places.map(|(p, q)| place_bits(*p, *q)).collect();
+            let before = poses(world);
             displace(world, &displacement);
             correction.add(Some(displacement));
             correction.add(drift::close(world, &attempt.joints.states, step));
-            let places = world.bodies.position.iter().zip(&world.bodies.orientation);
-            let moved: Vec<bool> =
-                places.zip(before).map(|((p, q), old)| place_bits(*p, *q) != old).collect();
+            let moved: Vec<bool> = poses(world).iter().zip(&before).map(|(now, old)| now != old).collect();
             *ahead = self.collider.contacts_again(world, (ahead, &moved), self.settings.envelope, step);
         }
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
