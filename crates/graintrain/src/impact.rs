@@ -418,10 +418,8 @@ impl Motion {
         if !coupled.is_empty() {
             coupled_in_impacts(world, &mut falling, step);
         }
-        let carrying = world.contacts.contacts.iter().zip(&world.contacts.impulse);
-        let carrying = carrying.filter(|(_, g)| **g != Vec3::ZERO);
-        let is_carried = carrying.clone().any(|(c, _)| c.image != [0; 3]);
-        let carried = carrying.flat_map(|(c, _)| [c.body_a, c.body_b]);
+        let is_carried = carrying(world).any(|contact| contact.image != [0; 3]);
+        let carried = carrying(world).flat_map(|contact| [contact.body_a, contact.body_b]);
         // A link that a contact carries does not hold the rest of its mechanism.
         let mut is_linked = vec![false; world.bodies.len()];
         let links = coupled.iter().flat_map(|mechanism| &mechanism.bodies);
@@ -504,6 +502,12 @@ impl Motion {
     }
 }
 
+/// The contacts that carried something in the last step.
+fn carrying(world: &World) -> impl Iterator<Item = &Contact> {
+    let all = world.contacts.contacts.iter().zip(&world.contacts.impulse);
+    all.filter(|(_, g)| **g != Vec3::ZERO).map(|(contact, _)| contact)
+}
+
 /// What is to be added to velocities of the middle of the last step to make them those of now, dt a / 2: of
 /// bodies that do not fly and that no contact carried in the last step. Of a mechanism only where nothing
 /// else holds it either: no stop (a taut rope is one), and no motor with a limit. `[now, free]` are the
@@ -511,8 +515,7 @@ impl Motion {
 fn to_now(world: &World, coupled: &[CoupledBodies], [now, free]: [&[f64]; 2], step: f64) -> Vec<f64> {
     let flies = load::flies(world, step);
     let mut is_held = vec![false; flies.len()];
-    let carrying = world.contacts.contacts.iter().zip(&world.contacts.impulse);
-    let carried = carrying.filter(|(_, g)| **g != Vec3::ZERO).flat_map(|(c, _)| [c.body_a, c.body_b]);
+    let carried = carrying(world).flat_map(|contact| [contact.body_a, contact.body_b]);
     carried.for_each(|body| is_held[body as usize] = true);
     for placed in world.joints() {
         let has_limit = matches!(placed.joint.motor, Some(Motor::Speed { limit: Some(_), .. }));

@@ -250,7 +250,7 @@ pub(crate) fn flies(world: &World, step: f64) -> Vec<bool> {
 
 /// The bodies on which more acts in the step from now than gravity and forces that depend on time alone: a
 /// torque, drag, a force that depends on place or orientation, or one that a program has set; none: empty.
-pub(crate) fn pushed(world: &World, step: f64) -> Vec<bool> {
+fn pushed(world: &World, step: f64) -> Vec<bool> {
     let bodies = &world.bodies;
     let acts = |force: &Vec3| *force != Vec3::ZERO;
     if world.drag.is_empty() && !bodies.force.iter().any(acts) && !bodies.torque.iter().any(acts) {

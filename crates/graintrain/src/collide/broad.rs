@@ -480,15 +480,29 @@ fn ball_contact(a: Vec3, r_a: f64, b: Vec3, r_b: f64, envelope: f64, touches: &m
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
-    use crate::handle::MaterialId;
+    use crate::handle::{GeometryId, MaterialId};
     use crate::material::Materials;
     use crate::math::rotation_exponential;
     use crate::motion::Motion;
     use crate::shape::Geometry;
     use crate::world::Body;
     use proptest::prelude::*;
+
+    /// Spheres of two sizes, a capsule, a box, a plane and a mesh.
+    pub(in crate::collide) fn add_forms(world: &mut World) -> [GeometryId; 6] {
+        let corners = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
+        [
+            Geometry::sphere(0.1).unwrap(),
+            Geometry::sphere(0.14).unwrap(),
+            Geometry::capsule(0.1, 0.05).unwrap(),
+            Geometry::cuboid(Vec3::new(0.6, 0.5, 0.1)).unwrap(),
+            Geometry::plane(),
+            Geometry::mesh(corners, vec![[0, 1, 2]]).unwrap(),
+        ]
+        .map(|form| world.add_geometry(form))
+    }
 
     /// Every pair through the narrow phase.
     fn brute_force(world: &World, envelope: f64) -> Vec<u64> {
@@ -559,16 +573,7 @@ mod tests {
             let materials = Materials::single("stuff", 1.0, 0.0, 0.0).unwrap();
             let mut world = World::new(Vec3::ZERO, materials).unwrap();
             let fixed = world.add_motion(Motion::fixed()).unwrap();
-            let corners = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
-            let forms = [
-                Geometry::sphere(0.1).unwrap(),
-                Geometry::sphere(0.14).unwrap(),
-                Geometry::capsule(0.1, 0.05).unwrap(),
-                Geometry::cuboid(Vec3::new(0.6, 0.5, 0.1)).unwrap(),
-                Geometry::plane(),
-                Geometry::mesh(corners, vec![[0, 1, 2]]).unwrap(),
-            ]
-            .map(|form| world.add_geometry(form));
+            let forms = add_forms(&mut world);
             for (kind, position, turn, free) in bodies {
                 let motion = if free && kind < 4 { crate::world::FREE } else { fixed };
                 let orientation = rotation_exponential(Vec3::from_array(turn));
