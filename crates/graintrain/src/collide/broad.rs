@@ -57,19 +57,7 @@ impl Collider {
     /// is the body of similar size and speed to most others, or the one with the lower index where both or
     /// neither are: a grain on a wall is A.
     pub fn contacts(&mut self, world: &World, envelope: f64, step: f64) -> Vec<Contact> {
-        self.search_around(world, Search::all(world, envelope, step))
-    }
-
-    /// Of [`Self::contacts`] without an envelope at least all those that close by the end of the step at the
-    /// present velocities: two balls that move by less than their gap relative to each other, most of a pile,
-    /// are left out before anything else is found out about them.
-    pub(crate) fn meetings(&mut self, world: &World, step: f64) -> Vec<Contact> {
-        // The rates of a cell whose stress is imposed may still change.
-        let meeting = world.cell().is_none();
-        self.search_around(world, Search { meeting, ..Search::all(world, 0.0, step) })
-    }
-
-    fn search_around(&mut self, world: &World, search: Search) -> Vec<Contact> {
+        let search = Search::all(world, envelope, step);
         self.update_forms(world);
         let sorted = self.sort(world, search);
         let all = world.bodies.len().div_ceil(TASK);
@@ -172,6 +160,13 @@ impl Collider {
     /// [`Self::contacts`].
     pub(crate) fn body_size(&self, world: &World, body: usize) -> f64 {
         self.form(world, body).size
+    }
+
+    /// The size of a body, that from its centre to where it ends where it has none, and how far a turn moves
+    /// its surface at most, over the angle, m: not that of a ball.
+    pub(crate) fn sizes(&self, world: &World, body: usize) -> [f64; 2] {
+        let Collidable { size, bounding_radius, ball, .. } = self.form(world, body);
+        [size.min(*bounding_radius), if ball.is_some() { 0.0 } else { *bounding_radius }]
     }
 
     /// Whether a body is one sphere about its own origin.
@@ -548,7 +543,7 @@ pub(super) mod tests {
                 world.add_body(Body { velocity, ..body }).unwrap();
             }
             let mut collider = Collider::default();
-            let meetings = collider.meetings(&world, step);
+            let meetings = collider.meetings_of(&world, &vec![true; world.bodies.len()], step);
             let closing = |c: &Contact| {
                 let u = c.normal.dot(world.bodies.velocity[c.body_a as usize] - world.bodies.velocity[c.body_b as usize]);
                 c.gap.max(0.0) + step * u < -1e-9

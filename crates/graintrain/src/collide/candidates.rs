@@ -25,6 +25,8 @@ pub(super) struct Sorted {
     /// How far the surface of each body may travel within the step, m: at rest, and in the frame that moves
     /// with the mean velocity.
     pub(super) travel: Vec<Travel>,
+    /// The largest [`Travel::relative`] of bodies in the grid, m.
+    fastest: f64,
     /// Whether the world is a periodic cell, whose deformation moves distant bodies relative to each other.
     deforms: bool,
     /// Which bodies are in the grid.
@@ -63,6 +65,10 @@ pub(super) struct Travel {
     pub(super) own: f64,
     /// step (|u - mean u| + |w| R): two bodies come nearer to each other by at most the sum of theirs.
     pub(super) relative: f64,
+    /// step u, m.
+    way: Vec3,
+    /// step |w| R, m.
+    spin: f64,
 }
 
 impl Travel {
@@ -84,10 +90,22 @@ impl Sorted {
         !self.ignored.is_empty() && self.ignored.binary_search(&[a.min(b), a.max(b)]).is_ok()
     }
 
+    /// How near another body of the grid has to be for the two to come within `margin` in the step, m.
+    pub(super) fn farthest(&self, body: usize, radius: f64, margin: f64) -> f64 {
+        let approach = (self.travel[body].relative + self.fastest).max(self.largest);
+        (radius + self.largest + margin + approach) * (1.0 + 1e-9)
+    }
+
     /// How much nearer the two bodies may come within the step, m.
     pub(super) fn approach(&self, pair: [u32; 2]) -> f64 {
+        self.relative(pair).max(self.approach_at_rest(pair, false))
+    }
+
+    /// A bound of how far the surfaces of two bodies move relative to each other within the step, m.
+    fn relative(&self, pair: [u32; 2]) -> f64 {
         let [a, b] = pair.map(|body| self.travel[body as usize]);
-        (a.relative + b.relative).max(self.approach_at_rest(pair, false))
+        // A few parts in 1e16 for what rounds.
+        ((a.way - b.way).length() + a.spin + b.spin) * (1.0 + 1e-12)
     }
 
     /// How much nearer they may come if one of them came to rest, unless one is held; beyond the size of the
@@ -95,16 +113,15 @@ impl Sorted {
     pub(super) fn approach_at_rest(&self, pair: [u32; 2], is_held: bool) -> f64 {
         let [a, b] = pair.map(|body| self.travel[body as usize]);
         let one = a.own.max(b.own);
-        let approach = if is_held { one.max(a.relative + b.relative) } else { one };
+        let approach = if is_held { one.max(self.relative(pair)) } else { one };
         approach.min(self.largest)
     }
 
     /// Whether the two bodies may move by more than `far`, m, relative to each other within the step: `false`
     /// where bounds that are at hand say so, for most pairs.
     pub(super) fn may_travel(&self, pair: [u32; 2], far: f64) -> bool {
-        let [a, b] = pair.map(|body| self.travel[body as usize].relative);
-        // The bounds round, and know of the deformation of a cell only along the radii.
-        self.deforms || a + b > (1.0 - 1e-9) * far
+        // The bound knows of the deformation of a cell only along the radii.
+        self.deforms || self.relative(pair) > far
     }
 }
 
@@ -194,6 +211,8 @@ impl Collider {
             Travel {
                 own: step * (velocity.length() + spin),
                 relative: step * ((velocity - mean).length() + spin),
+                way: step * velocity,
+                spin: step * spin,
             }
         };
         (0..bodies.len()).into_par_iter().with_min_len(TASK).map(of).collect()
@@ -308,8 +327,10 @@ impl Collider {
         let size = margin + usual;
         let grid = Grid::new(&balls, if size > 0.0 { size } else { 1.0 });
         let of_slot = |body: &u32| travel[*body as usize].approach_to_slower(largest);
+        let of_grid = grid.body.iter().map(|body| travel[*body as usize].relative);
         Sorted {
             approach_of_slot: grid.body.iter().map(of_slot).collect(),
+            fastest: of_grid.fold(0.0, f64::max),
             travel,
             deforms: world.cell().is_some(),
             grid,

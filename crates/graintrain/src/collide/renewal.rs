@@ -1,5 +1,5 @@
-//! The search for contacts made again where bodies were moved since the last one and nothing else is
-//! otherwise: the contacts of all other pairs are those that it found.
+//! The search for contacts around some of the bodies: where only those were moved since the last one and
+//! nothing else is otherwise, the contacts of all other pairs are those that it found.
 //!
 //! A pair's contacts depend on nothing but its bodies, the search and the mean velocity by which bodies are
 //! sorted: what is found is, bit by bit and in order, what a whole search would find.
@@ -27,23 +27,54 @@ impl Collider {
         if world.cell().is_some() {
             return self.contacts(world, envelope, step);
         }
-        self.update_forms(world);
         let search = Search::all(world, envelope, step);
+        self.search_beside(world, moved, search, |sorted, body, found, all| {
+            let stays = |c: &&Contact| !moved[body] && !moved[c.body_b as usize];
+            let kept = contacts_of_body(known, body).iter().filter(stays);
+            merge(kept, found, |c| (!sorted.are_in_grid(c), c.body_b), all);
+        })
+    }
+
+    /// Of the contacts of these bodies, without an envelope, at least all those that close by the end of the
+    /// step at the present velocities: two balls that move by less than their gap relative to each other,
+    /// most of a pile, are left out before anything else is found out about them.
+    pub(crate) fn meetings_of(&mut self, world: &World, of: &[bool], step: f64) -> Vec<Contact> {
+        // The rates of a cell whose stress is imposed may still change.
+        let meeting = world.cell().is_none();
+        let search = Search { meeting, ..Search::all(world, 0.0, step) };
+        self.search_beside(world, of, search, |_, _, found, all| all.extend(found))
+    }
+
+    /// The contacts of these bodies that overlap where they are now. What is near them is looked at as far as
+    /// bodies fall in a step: of flat faces corners that are just apart belong to what overlaps.
+    pub(crate) fn overlaps_of(&mut self, world: &World, of: &[bool], step: f64) -> Vec<Contact> {
+        let search = Search { step: 0.0, ..Search::all(world, 0.0, step) };
+        self.search_beside(world, of, search, |_, _, found, all| all.extend(found))
+    }
+
+    /// The contacts of which one of these bodies is one: for each body those of which it is A, put among
+    /// `all`.
+    fn search_beside(
+        &mut self,
+        world: &World,
+        of: &[bool],
+        search: Search,
+        put: impl Fn(&Sorted, usize, &[Contact], &mut Vec<Contact>) + Sync,
+    ) -> Vec<Contact> {
+        self.update_forms(world);
         let sorted = &self.sort(world, search);
-        let bodies: Vec<u32> = (0..).zip(moved).filter(|(_, moved)| **moved).map(|(k, _)| k).collect();
-        let beside = bodies.par_chunks(TASK).map(|own| self.pairs_beside(world, sorted, own, moved, search));
+        let bodies: Vec<u32> = (0..).zip(of).filter(|(_, of)| **of).map(|(k, _)| k).collect();
+        let beside = bodies.par_chunks(TASK).map(|own| self.pairs_beside(world, sorted, own, of, search));
         let pairs = Pairs::new(world.bodies.len(), &beside.collect::<Vec<_>>());
-        let others = sorted.others.only(|body| moved[body as usize]);
+        let others = sorted.others.only(|body| of[body as usize]);
         let of_task = |task: usize| {
             let mut found = Found::default();
             let mut all = Vec::new();
             for body in bodies_of(world, task).take_while(|_| !self.is_stopped()) {
                 found.contacts.clear();
-                let others = if moved[body] { &sorted.others } else { &others };
+                let others = if of[body] { &sorted.others } else { &others };
                 self.contacts_of(world, (sorted, &pairs, others), body, search, &mut found);
-                let stays = |c: &&Contact| !moved[body] && !moved[c.body_b as usize];
-                let kept = contacts_of_body(known, body).iter().filter(stays);
-                merge(kept, &found.contacts, |c| (!sorted.are_in_grid(c), c.body_b), &mut all);
+                put(sorted, body, &found.contacts, &mut all);
             }
             all
         };
@@ -51,28 +82,26 @@ impl Collider {
         tasks.collect::<Vec<Vec<Contact>>>().concat()
     }
 
-    /// The pairs of the grid that these bodies form, lower index first, those of two that moved once.
+    /// The pairs of the grid that these bodies form, lower index first, those of two of them once.
     fn pairs_beside(
         &self,
         world: &World,
         sorted: &Sorted,
         bodies: &[u32],
-        moved: &[bool],
+        of: &[bool],
         search: Search,
     ) -> Vec<[u32; 2]> {
-        let Sorted { grid, largest, .. } = sorted;
+        let grid = &sorted.grid;
         let mut pairs = Vec::new();
         for &me in bodies.iter().filter(|&&body| sorted.in_grid[body as usize]) {
             let body = me as usize;
             let (centre, radius) = (world.bodies.position[body], self.form(world, body).bounding_radius);
-            // Bodies of the grid travel by their own size at most.
-            let farthest = radius + 3.0 * largest + search.margin();
-            grid.around(centre, farthest * (1.0 + 1e-9), |range| {
+            grid.around(centre, sorted.farthest(body, radius, search.margin()), |range| {
                 for slot in range {
                     let other = grid.body[slot];
                     let reach = radius + grid.radius[slot] + search.margin() + sorted.approach([me, other]);
                     let is_near = (centre - grid.centre[slot]).length_squared() <= reach * reach;
-                    if other != me && is_near && (!moved[other as usize] || me < other) {
+                    if other != me && is_near && (!of[other as usize] || me < other) {
                         pairs.push([me.min(other), me.max(other)]);
                     }
                 }

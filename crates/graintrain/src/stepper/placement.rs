@@ -48,6 +48,52 @@ impl Placement {
     }
 }
 
+/// Where bodies were and how they went when they were last looked at.
+#[derive(Default)]
+pub(super) struct Seen(Option<Placement>);
+
+impl Seen {
+    pub(super) fn of(placement: Placement) -> Self {
+        Self(Some(placement))
+    }
+
+    pub(super) fn is_some(&self) -> bool {
+        self.0.is_some()
+    }
+
+    /// Which bodies are, within the step, elsewhere than seen by more than `far`, m: those are seen now. All
+    /// where none were seen, or in a periodic cell, whose rates carry all of them along. A turn moves a body
+    /// by its `radius`.
+    pub(super) fn stirred(
+        &mut self,
+        world: &World,
+        step: f64,
+        far: f64,
+        radius: impl Fn(usize) -> f64,
+    ) -> Vec<bool> {
+        let bodies = &world.bodies;
+        let Some(seen) = self.0.as_mut().filter(|_| world.cell().is_none()) else {
+            *self = Self::of(Placement::of(world));
+            return vec![true; bodies.len()];
+        };
+        let is_stirred = |body: usize| {
+            let (place, velocity) = (bodies.position[body], bodies.velocity[body]);
+            let (orientation, spin) = (bodies.orientation[body], bodies.angular_velocity[body]);
+            let way =
+                (place - seen.position[body]).length() + step * (velocity - seen.velocity[body]).length();
+            let [same, opposite] = [1.0, -1.0].map(|s| (orientation * s - seen.orientation[body]).length());
+            let turn = 2.0 * same.min(opposite) + step * (spin - seen.angular_velocity[body]).length();
+            let is_stirred = way > far || (turn > 0.0 && way + turn * radius(body) > far);
+            if is_stirred {
+                (seen.position[body], seen.velocity[body]) = (place, velocity);
+                (seen.orientation[body], seen.angular_velocity[body]) = (orientation, spin);
+            }
+            is_stirred
+        };
+        (0..bodies.len()).map(is_stirred).collect()
+    }
+}
+
 /// Kinetic energy of these velocities (six numbers per body) beyond that of the world, in which a periodic
 /// cell takes bodies along, J.
 pub(super) fn taken_along(world: &World, velocity: &[f64]) -> f64 {

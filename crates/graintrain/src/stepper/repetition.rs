@@ -12,7 +12,7 @@
 use super::attempt::Attempt;
 use super::covered::{leave_covered_out, leave_out};
 use super::mobility;
-use super::placement::Placement;
+use super::placement::{Placement, Seen};
 use super::{Made, StepError, Stepper};
 use crate::assemble::{contact_rows, relative_velocities};
 use crate::cell;
@@ -68,6 +68,9 @@ impl Default for Parameters {
         }
     }
 }
+
+/// What single bodies of a scene are left with by a solve whose root mean square is the tolerance, over that.
+const NOISE: f64 = 10.0;
 
 /// Normals of one contact at the beginning and the end of a step: within 18 degrees.
 const ALIKE: f64 = 0.95;
@@ -135,6 +138,10 @@ pub(super) struct Rounds {
     pub(super) met: HashMap<u64, usize>,
     /// Rounds made so far.
     pub(super) round: usize,
+    /// How bodies went, and where they ended, when they were last looked at.
+    pub(super) seen: [Seen; 2],
+    /// Contacts that bodies meet on their way, which join once it was seen where the step leaves them.
+    pub(super) joining: Vec<Contact>,
     /// Attempts so far that did not converge.
     pub(super) unsolved: usize,
     /// Contacts that joined after a solve.
@@ -159,6 +166,14 @@ impl Rounds {
         all.into_iter().for_each(|k| *self.met.entry(k).or_default() += 1);
     }
 
+    /// Puts what bodies meet on their way among the contacts.
+    fn join(&mut self) {
+        let joining = std::mem::take(&mut self.joining);
+        self.added += joining.len();
+        self.meet(joining.iter().map(|c| c.identity));
+        self.contacts.extend(joining);
+    }
+
     /// How often bodies were seen to meet at a contact, or at another of its planes.
     pub(super) fn times_met(&self, contact: &Contact) -> usize {
         self.met.get(&self.planes.of(contact)).copied().unwrap_or(0)
@@ -180,78 +195,119 @@ impl Stepper {
         let begin = Clock::now();
         let is_last = rounds.round >= self.parameters.repetition.rounds;
         let closed = self.closed(world, &rounds.contacts, attempt);
-        let (mut on_the_way, mut spurious) = (Vec::new(), Vec::new());
-        if closed.is_empty() && !is_last {
-            on_the_way = self.on_the_way(world, &rounds.contacts, attempt);
-        }
-        if closed.is_empty()
-            && on_the_way.is_empty()
-            && rounds.round < self.parameters.repetition.spurious_rounds
-        {
-            spurious = self.spurious(world, rounds, attempt);
+        let mut spurious = Vec::new();
+        if closed.is_empty() {
+            if !is_last {
+                rounds.joining = self.on_the_way(world, rounds, attempt);
+            }
+            if rounds.round < self.parameters.repetition.spurious_rounds {
+                spurious = self.spurious(world, rounds, attempt);
+            }
         }
         self.go_on()?;
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
         rounds.undetected = if is_last { closed.len() } else { 0 };
-        let again = !(is_last || closed.is_empty()) || !on_the_way.is_empty() || !spurious.is_empty();
+        let again = !(is_last || closed.is_empty()) || !spurious.is_empty();
         if !is_last {
-            rounds.added += closed.len() + on_the_way.len();
+            rounds.added += closed.len();
             rounds.driven.extend(closed);
-        }
-        if !on_the_way.is_empty() {
-            rounds.meet(on_the_way.iter().map(|c| c.identity));
-            rounds.contacts.extend(on_the_way);
         }
         if !spurious.is_empty() {
             leave_out(&mut rounds.contacts, &spurious);
+            rounds.join();
         }
         rounds.round += usize::from(again);
         Ok(again)
     }
 
     /// What the bodies show where the step leaves them; whether there are other contacts now, with which it
-    /// is solved again from `start`: there the bodies are then put back.
+    /// is solved again from `start`: there the bodies are then put back. In rounds after the first what ends
+    /// otherwise than before is looked at first: only what shows nothing more is searched through for all
+    /// contacts of the end.
     pub(super) fn check_end(
         &mut self,
         world: &mut World,
         rounds: &mut Rounds,
         start: &Placement,
-        made: &Made,
+        made: &mut Made,
     ) -> bool {
         let begin = Clock::now();
+        let mut again = false;
+        if rounds.seen[1].is_some() || !rounds.joining.is_empty() {
+            let stirred = self.stirred(world, &mut rounds.seen[1]);
+            let overlaps = self.collider.overlaps_of(world, &stirred, self.settings.step);
+            again = self.look_again(world, rounds, start, &made.attempt, &overlaps).is_none();
+        }
+        if !again {
+            made.ahead = self.collider.contacts(world, self.settings.envelope, self.settings.step);
+            let left = self.look_again(world, rounds, start, &made.attempt, &made.ahead);
+            again = left.is_none();
+            let known: HashSet<[u32; 2]> = match &left {
+                Some(left) if !left.is_empty() => rounds.contacts.iter().map(Contact::unordered).collect(),
+                _ => HashSet::new(),
+            };
+            let left = left.into_iter().flatten().map(|contact| contact.unordered());
+            rounds.undetected += left.filter(|pair| !known.contains(pair)).collect::<HashSet<_>>().len();
+        }
+        rounds.laps.add(|phases| &mut phases.collide, begin.lap());
+        again
+    }
+
+    /// Which bodies are to be looked at again: what goes another way by less than what may overlap unseen, or
+    /// than a solve to the tolerance leaves open, meets nothing else.
+    fn stirred(&self, world: &World, seen: &mut Seen) -> Vec<bool> {
+        let (step, collider) = (self.settings.step, &self.collider);
+        let least = (0..world.bodies.len()).map(|body| collider.sizes(world, body)[0]);
+        let least = Some(least.fold(f64::INFINITY, f64::min)).filter(|least| least.is_finite());
+        let left = NOISE * self.settings.solver.tolerance * world.gravity.length() * step * step;
+        let far = left.max(self.parameters.repetition.undetected * least.unwrap_or(0.0));
+        seen.stirred(world, step, far, |body| collider.sizes(world, body)[1])
+    }
+
+    /// What these contacts of the end show: `None` where the step is solved again from `start`, else those
+    /// that overlap without having been a contact of the step.
+    fn look_again(
+        &mut self,
+        world: &mut World,
+        rounds: &mut Rounds,
+        start: &Placement,
+        attempt: &Attempt,
+        ahead: &[Contact],
+    ) -> Option<Vec<Contact>> {
         let is_last = rounds.round >= self.parameters.repetition.rounds;
-        let Made { attempt, ahead, .. } = made;
-        let [deep, undetected] = self.deep(world, start, &rounds.contacts, ahead);
+        let [deep, mut undetected] = self.deep(world, start, &rounds.contacts, ahead);
+        let is_joined = !rounds.joining.is_empty();
+        if is_joined {
+            // What bodies meet at the end they may not once they meet those.
+            undetected.clear();
+        }
         let departed = if is_last { Vec::new() } else { self.departed(world, start, rounds, attempt, &deep) };
         let (mut new, mut ends) = (Vec::new(), Vec::new());
-        if !(undetected.is_empty() || is_last) || !departed.is_empty() {
+        if !(undetected.is_empty() || is_last) || !departed.is_empty() || is_joined {
             let carry = |c: &Contact| carried_back(c, world, start, attempt, self.settings.step);
             ends.extend(undetected.iter().map(carry));
             let end = start.exchange(world);
             new = self.new_contacts(world, &rounds.contacts, &ends, &attempt.velocity);
-            if new.is_empty() && departed.is_empty() {
+            if new.is_empty() && departed.is_empty() && !is_joined {
                 end.exchange(world);
+            } else {
+                rounds.seen[1] = Seen::of(end);
             }
         }
-        let again = !(new.is_empty() && departed.is_empty());
-        if again {
-            rounds.added += new.len() + departed.len();
-            let departed = rounds.planes.put(departed, &mut rounds.contacts);
-            rounds.meet(departed);
-            // What is linearised at the end alone did not overlap at the start.
-            let at_end = new.iter().filter(|c| ends.contains(c)).map(|c| (c.identity, 0.0));
-            rounds.planes.gap.extend(at_end);
-            rounds.meet(new.iter().map(|c| c.identity));
-            rounds.contacts.extend(new);
-            rounds.round += 1;
-        } else if !undetected.is_empty() {
-            let known: HashSet<[u32; 2]> = rounds.contacts.iter().map(Contact::unordered).collect();
-            let unknown: HashSet<[u32; 2]> =
-                undetected.iter().map(Contact::unordered).filter(|pair| !known.contains(pair)).collect();
-            rounds.undetected += unknown.len();
+        if new.is_empty() && departed.is_empty() && !is_joined {
+            return Some(undetected);
         }
-        rounds.laps.add(|phases| &mut phases.collide, begin.lap());
-        again
+        rounds.added += new.len() + departed.len();
+        let departed = rounds.planes.put(departed, &mut rounds.contacts);
+        rounds.meet(departed);
+        // What is linearised at the end alone did not overlap at the start.
+        let at_end = new.iter().filter(|c| ends.contains(c)).map(|c| (c.identity, 0.0));
+        rounds.planes.gap.extend(at_end);
+        rounds.meet(new.iter().map(|c| c.identity));
+        rounds.contacts.extend(new);
+        rounds.join();
+        rounds.round += 1;
+        None
     }
 
     /// Contacts that were left out of the problem and close with the velocities found, by identity.
@@ -279,19 +335,20 @@ impl Stepper {
     }
 
     /// Contacts that bodies would meet on their way with the velocities found, where those make a body faster
-    /// than the collision phase knew: at the end of the step it may have passed another one.
-    fn on_the_way(&mut self, world: &mut World, contacts: &[Contact], attempt: &Attempt) -> Vec<Contact> {
+    /// than the collision phase knew: at the end of the step it may have passed another one. In rounds after
+    /// the first those that go another way than when they were looked at.
+    fn on_the_way(&mut self, world: &mut World, rounds: &mut Rounds, attempt: &Attempt) -> Vec<Contact> {
         let step = self.settings.step;
-        let deflected = (0..world.bodies.len()).filter(|&body| !world.is_prescribed(body)).any(|body| {
+        let is_deflected = |body: usize| {
             let v = &attempt.velocity[6 * body..6 * body + 6];
             let (u, w) = (Vec3::from_slice(&v[..3]), Vec3::from_slice(&v[3..]));
             let way = 0.5 * self.collider.body_size(world, body);
             let spin = |w: Vec3| self.collider.spin_travel(world, body, w.length(), step);
             let change = step * (u - world.bodies.velocity[body]).length()
                 + spin(w - world.bodies.angular_velocity[body]);
-            step * u.length() + spin(w) > way && change > way
-        });
-        if !deflected {
+            !world.is_prescribed(body) && step * u.length() + spin(w) > way && change > way
+        };
+        if !(0..world.bodies.len()).any(is_deflected) {
             return Vec::new();
         }
         let before = Placement::of(world);
@@ -300,8 +357,10 @@ impl Stepper {
             world.bodies.angular_velocity[body] = Vec3::from_slice(&v[3..]);
         }
         attempt.impacts.put_on(world);
+        let stirred = self.stirred(world, &mut rounds.seen[0]);
+        let contacts = &rounds.contacts;
         let undetected = self.parameters.repetition.undetected;
-        let ahead = self.collider.meetings(world, step);
+        let ahead = self.collider.meetings_of(world, &stirred, step);
         let rows = contact_rows(world, &ahead);
         let u = relative_velocities(attempt.cell.as_ref(), &ahead, &rows, &attempt.velocity);
         let past = self.flown_past(world, &ahead, (&attempt.velocity, &u));
@@ -321,7 +380,7 @@ impl Stepper {
         let found = ahead.into_iter().zip(u.chunks_exact(3)).zip(past);
         let mut closed: Vec<Contact> = found.filter_map(meets).collect();
         if !closed.is_empty() {
-            let mut all = [contacts, &closed].concat();
+            let mut all = [&contacts[..], &closed].concat();
             leave_covered_out(world, &self.collider, step, &mut all);
             closed.retain(|c| all.contains(c));
         }
