@@ -13,6 +13,7 @@ mod parameters;
 mod placement;
 mod repetition;
 mod settings;
+mod unmet;
 
 pub use self::error::StepError;
 pub use self::parameters::{
@@ -146,7 +147,7 @@ impl Stepper {
     /// Then all pairs are looked at where they are now. Where bodies overlap that were no contacts, or far
     /// more than their contact foresaw, the step is taken back and made again with what was seen, until there
     /// are none: see [`StepReport::contacts_added`] and [`StepReport::contacts_missed`]. Contacts that bar a
-    /// way without overlap (the seam of two tiles) are left out.
+    /// way without overlap (the seam of two tiles, a ball beneath a passing edge) are left out.
     ///
     /// Without external forces the sum of kinetic energy and work against gravity never rises in a step whose
     /// bodies are not driven, but for [`StepReport::correction_energy`]: impacts make none, and the contact

@@ -66,6 +66,8 @@ pub(super) struct Attempt {
     pub(super) pulls: Vec<f64>,
     pub(super) joints: JointReactions,
     pub(super) impacts: Impacts,
+    /// Without contacts.
+    pub(super) free: Vec<f64>,
     pub(super) velocity: Vec<f64>,
     pub(super) solve: SolveReport,
     pub(super) parts: usize,
@@ -220,7 +222,7 @@ impl Stepper {
         let (on_bodies, agrees) = self.agree(&mut posing, &mut impulse, &mut solved)?;
         let Posing { mechanisms, active, problem, free, turned, .. } = posing;
         let Solved { report: mut solve, parts } = solved;
-        let mut velocity = velocity_after(&problem, &impulse, free);
+        let mut velocity = velocity_after(&problem, &impulse, free.clone());
         mechanisms.velocities(&on_bodies, &mut velocity);
         check_velocity(world, &velocity)?;
         let joints = mechanisms.reactions(&on_bodies);
@@ -249,6 +251,7 @@ impl Stepper {
             pulls,
             joints,
             impacts,
+            free,
             velocity,
             solve,
             parts,

@@ -7,7 +7,7 @@
 //! | a deflected body meets another on its way (`on_the_way`), or its core one that it has contacts with (`cores`) | the contact where they meet joins |
 //! | bodies overlap at the end that had no contact (`undetected`) | their contacts join |
 //! | a contact ends far deeper than foreseen (`departed`) | it is linearised anew where it ends ([`carried_back`]) |
-//! | bodies were held apart that would pass without overlap (`spurious`) | their contacts are left out |
+//! | bodies were held apart that would pass without overlap (`spurious`; where one is held, `unmet.rs`) | their contacts are left out |
 
 use super::attempt::Attempt;
 use super::covered::{leave_covered_out, leave_out};
@@ -142,6 +142,9 @@ pub(super) struct Rounds {
     pub(super) seen: [Seen; 2],
     /// Contacts that bodies meet on their way, which join once it was seen where the step leaves them.
     pub(super) joining: Vec<Contact>,
+    /// Contacts without which the step is tried, and the identities of all that were in one of its rounds.
+    pub(super) let_go: Vec<Contact>,
+    pub(super) tried: HashSet<u64>,
     /// Attempts so far that did not converge.
     pub(super) unsolved: usize,
     /// Contacts that joined after a solve.
@@ -170,8 +173,13 @@ impl Rounds {
     fn join(&mut self) {
         let joining = std::mem::take(&mut self.joining);
         self.added += joining.len();
-        self.meet(joining.iter().map(|c| c.identity));
-        self.contacts.extend(joining);
+        self.take(joining);
+    }
+
+    /// Puts contacts at which bodies meet among those of the step.
+    pub(super) fn take(&mut self, met: Vec<Contact>) {
+        self.meet(met.iter().map(|c| c.identity));
+        self.contacts.extend(met);
     }
 
     /// How often bodies were seen to meet at a contact, or at another of its planes.
@@ -202,18 +210,20 @@ impl Stepper {
             }
             if rounds.round < self.parameters.repetition.spurious_rounds {
                 spurious = self.spurious(world, rounds, attempt);
+                leave_out(&mut rounds.contacts, &spurious);
             }
         }
         self.go_on()?;
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
         rounds.undetected = if is_last { closed.len() } else { 0 };
-        let again = !(is_last || closed.is_empty()) || !spurious.is_empty();
+        let stays = is_last || !closed.is_empty() || !spurious.is_empty();
+        let tried = !stays && self.try_without(world, rounds, attempt);
+        let again = !(is_last || closed.is_empty()) || !spurious.is_empty() || tried;
         if !is_last {
             rounds.added += closed.len();
             rounds.driven.extend(closed);
         }
-        if !spurious.is_empty() {
-            leave_out(&mut rounds.contacts, &spurious);
+        if again {
             rounds.join();
         }
         rounds.round += usize::from(again);

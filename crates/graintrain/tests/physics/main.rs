@@ -20,6 +20,7 @@ mod meshes;
 mod motors;
 mod packings;
 mod pages;
+mod passing;
 mod repetition;
 mod rotation;
 mod statics;
