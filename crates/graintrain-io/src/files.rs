@@ -87,8 +87,19 @@ pub fn refuse_link(path: &Path) -> Result<(), OutputError> {
     Ok(())
 }
 
+/// That at this path there is no device, pipe or socket, which a file would take the place of.
+fn refuse_special(path: &Path) -> io::Result<()> {
+    match path.symlink_metadata().map(|found| found.file_type()) {
+        Ok(kind) if !(kind.is_file() || kind.is_dir() || kind.is_symlink()) => {
+            Err(io::Error::other("it is a device, a pipe or a socket, which stays what it is"))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// A new file in the place of any old one or link.
 fn create(path: &Path) -> io::Result<File> {
+    refuse_special(path)?;
     match fs::remove_file(path) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
         _ => {}
@@ -129,8 +140,10 @@ fn replace(path: &Path, write: impl FnOnce(&mut File) -> io::Result<()>) -> Resu
     let mut name = path.file_name().unwrap_or_default().to_os_string();
     name.push(".part");
     let temporary = path.with_file_name(name);
-    let result =
-        create(&temporary).and_then(|mut file| write(&mut file)).and_then(|()| fs::rename(&temporary, path));
+    let result = refuse_special(path)
+        .and_then(|()| create(&temporary))
+        .and_then(|mut file| write(&mut file))
+        .and_then(|()| fs::rename(&temporary, path));
     result.map_err(|error| {
         // The part is of no use, and on a full disk the room is: a failure to remove it changes nothing.
         let _ = fs::remove_file(&temporary);
@@ -320,6 +333,19 @@ mod tests {
 
     fn bad(path: &Path, ending: &str) -> PathBuf {
         PathBuf::from(format!("{}{ending}", path.display()))
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn no_file_takes_the_place_of_a_device_pipe_or_socket() {
+        use std::os::unix::fs::FileTypeExt;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("socket");
+        let _socket = std::os::unix::net::UnixListener::bind(&path).unwrap();
+        assert!(write_atomically(&path, b"text").is_err() && write_durably(&path, b"text").is_err());
+        assert!(Table::create(path.clone(), "step").is_err());
+        assert!(path.metadata().unwrap().file_type().is_socket());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 
     #[test]
