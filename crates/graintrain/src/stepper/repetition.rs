@@ -176,6 +176,16 @@ impl Rounds {
         self.take(joining);
     }
 
+    /// Takes what was let go out, without what is among the contacts again, or joins them.
+    pub(super) fn take_let_go(&mut self) -> Vec<Contact> {
+        let mut let_go = std::mem::take(&mut self.let_go);
+        let own = identities(&let_go);
+        let all = self.contacts.iter().chain(&self.joining).filter(|_| !own.is_empty());
+        let back: HashSet<u64> = all.map(|c| c.identity).filter(|k| own.contains(k)).collect();
+        let_go.retain(|c| !back.contains(&c.identity));
+        let_go
+    }
+
     /// Puts contacts at which bodies meet among those of the step.
     pub(super) fn take(&mut self, met: Vec<Contact>) {
         self.meet(met.iter().map(|c| c.identity));

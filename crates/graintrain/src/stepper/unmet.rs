@@ -16,11 +16,12 @@ use crate::contact::Contact;
 use crate::integrate::velocities;
 use crate::math::Vec3;
 use crate::world::World;
+use rayon::prelude::*;
 use std::collections::HashSet;
 
-/// Bodies whose gap is below this fraction of the overlap that goes unseen touch: without what carries it
-/// a body meets everything below it.
-const TOUCHING: f64 = 0.1;
+/// Bodies whose gap is below this fraction of the smaller one's size touch: without what carries it a body
+/// meets everything below it.
+const TOUCHING: f64 = 5e-5;
 
 /// How two bodies go through the step.
 #[derive(Clone, Copy, PartialEq)]
@@ -37,7 +38,7 @@ impl Stepper {
     /// `world` is at the start of the step. Cost: a pass over the contacts; a walk along two motions for each
     /// pair with a gap and force, and along one for each that was let go.
     pub(super) fn try_without(&self, world: &World, rounds: &mut Rounds, attempt: &Attempt) -> bool {
-        let let_go = std::mem::take(&mut rounds.let_go);
+        let let_go = rounds.take_let_go();
         let ways = self.ways(world, &let_go, attempt, &attempt.velocity);
         let (back, gone): (Vec<_>, Vec<_>) =
             let_go.into_iter().zip(ways).partition(|(_, way)| *way == Way::Meets);
@@ -54,18 +55,21 @@ impl Stepper {
     /// Contacts (places, ascending) that are to be let go: those of bodies of which one is held, that were
     /// not seen to meet, and pass each other.
     fn unmet(&self, world: &World, rounds: &Rounds, attempt: &Attempt) -> Vec<usize> {
-        // What moves freely was looked at as it flies.
-        let mut is_held: Vec<bool> = (0..world.bodies.len()).map(|body| !world.is_free(body)).collect();
-        for body in world.joints().iter().flat_map(|placed| placed.joint.bodies.iter().flatten()) {
-            is_held[body.index()] = true;
+        // Planes that gather need no trials.
+        if 2 * rounds.round >= self.parameters.repetition.rounds {
+            return Vec::new();
         }
+        // What moves freely was looked at as it flies.
+        let is_jointed = jointed(world);
+        let is_held = |body: usize| is_jointed[body] || world.is_prescribed(body);
         let may_be = |i: &usize| {
             let contact = &rounds.contacts[*i];
             let pair = [contact.body_a, contact.body_b].map(|body| body as usize);
             // Nothing passes a half-space.
-            pair.iter().any(|&body| is_held[body])
+            pair.iter().any(|&body| is_held(body))
                 && !pair.iter().any(|&body| world.is_unbounded(body))
-                && contact.gap > TOUCHING * self.unseen(world, contact)
+                && contact.gap > TOUCHING * self.collider.contact_size(world, contact)
+                && attempt.pulls.get(*i).is_none_or(|&pull| pull == 0.0)
                 && rounds.times_met(contact) == 0
                 && !rounds.tried.contains(&contact.identity)
         };
@@ -86,14 +90,12 @@ impl Stepper {
         places.into_iter().zip(passes).filter(|(_, passes)| *passes).map(|(i, _)| i).collect()
     }
 
-    /// What the bodies of a contact may overlap unseen, m.
-    fn unseen(&self, world: &World, contact: &Contact) -> f64 {
-        self.parameters.repetition.undetected * self.collider.contact_size(world, contact)
-    }
-
-    /// How the bodies of each of these contacts go that move with these velocities, six numbers each.
+    /// How the bodies of each of these contacts go that move with these velocities, six numbers each. The way
+    /// of what joints turn aside bends by dt^2 a / 2, a its acceleration without contacts, which is no
+    /// overlap.
     fn ways(&self, world: &World, contacts: &[Contact], attempt: &Attempt, velocity: &[f64]) -> Vec<Way> {
-        let (step, repetition) = (self.settings.step, &self.parameters.repetition);
+        let (step, repetition, collider) = (self.settings.step, &self.parameters.repetition, &self.collider);
+        let is_jointed = jointed(world);
         let u =
             relative_velocities(attempt.cell.as_ref(), contacts, &contact_rows(world, contacts), velocity);
         let way = |(contact, u): (&Contact, &[f64])| {
@@ -104,10 +106,27 @@ impl Stepper {
             let pair = [contact.body_a, contact.body_b];
             let of_body =
                 |body: u32| [0, 3].map(|k| Vec3::from_slice(&velocity[6 * body as usize + k..][..3]));
-            let allowed = self.unseen(world, contact).min(repetition.spurious * foreseen);
-            let passes = self.collider.pass_freely(world, pair, pair.map(of_body), step, &[allowed], 0.0)[0];
+            let bends = |body: u32| {
+                let body = body as usize;
+                let change = Vec3::from_slice(&attempt.free[6 * body..][..3]) - world.bodies.velocity[body];
+                if is_jointed[body] { 0.5 * step * change.length() } else { 0.0 }
+            };
+            let aside: f64 = pair.into_iter().map(bends).sum();
+            let unseen = repetition.undetected * collider.contact_size(world, contact);
+            let allowed = unseen.min(repetition.spurious * foreseen);
+            let allowed = allowed.max(aside.min(0.5 * foreseen));
+            let passes = collider.pass_freely(world, pair, pair.map(of_body), step, &[allowed], 0.0)[0];
             if passes { Way::Passes } else { Way::Meets }
         };
-        contacts.iter().zip(u.chunks_exact(3)).map(way).collect()
+        contacts.par_iter().zip(u.par_chunks_exact(3)).map(way).collect()
     }
+}
+
+/// Which bodies are in joints.
+fn jointed(world: &World) -> Vec<bool> {
+    let mut is_jointed = vec![false; world.bodies.len()];
+    for body in world.joints().iter().flat_map(|placed| placed.joint.bodies.iter().flatten()) {
+        is_jointed[body.index()] = true;
+    }
+    is_jointed
 }
