@@ -224,11 +224,12 @@ impl Stepper {
             }
         }
         self.go_on()?;
-        rounds.laps.add(|phases| &mut phases.collide, begin.lap());
         rounds.undetected = if is_last { closed.len() } else { 0 };
-        let stays = is_last || !closed.is_empty() || !spurious.is_empty();
-        let tried = !stays && self.try_without(world, rounds, attempt);
-        let again = !(is_last || closed.is_empty()) || !spurious.is_empty() || tried;
+        let mut again = !(is_last || closed.is_empty()) || !spurious.is_empty();
+        if !(again || is_last) {
+            again = self.try_without(world, rounds, attempt);
+        }
+        rounds.laps.add(|phases| &mut phases.collide, begin.lap());
         if !is_last {
             rounds.added += closed.len();
             rounds.driven.extend(closed);
@@ -727,4 +728,23 @@ fn carried_back(end: &Contact, world: &World, start: &Placement, attempt: &Attem
     let shift = attempt.impacts.shift_of(end.body_a) - attempt.impacts.shift_of(end.body_b);
     let gap = end.gap - step * end.normal.dot(speed_a - speed_b) - end.normal.dot(shift);
     Contact { point: 0.5 * (on_a + on_b), lead: 0.5 * (on_a - on_b), gap, image, ..*end }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn contact(identity: u64) -> Contact {
+        let [point, normal, lead] = [Vec3::ZERO, Vec3::Z, Vec3::ZERO];
+        Contact { body_a: 0, body_b: 1, identity, point, normal, gap: 0.1, lead, image: [0; 3] }
+    }
+
+    #[test]
+    fn what_was_let_go_comes_back_once() {
+        let mut rounds = Rounds::of([1, 2].map(contact).to_vec());
+        rounds.joining = vec![contact(3)];
+        rounds.let_go = [2, 3, 4].map(contact).to_vec();
+        assert_eq!(rounds.take_let_go(), [contact(4)]);
+        assert!(rounds.let_go.is_empty());
+    }
 }

@@ -94,6 +94,9 @@ impl Stepper {
     /// of what joints turn aside bends by dt^2 a / 2, a its acceleration without contacts, which is no
     /// overlap.
     fn ways(&self, world: &World, contacts: &[Contact], attempt: &Attempt, velocity: &[f64]) -> Vec<Way> {
+        if contacts.is_empty() {
+            return Vec::new();
+        }
         let (step, repetition, collider) = (self.settings.step, &self.parameters.repetition, &self.collider);
         let is_jointed = jointed(world);
         let u =

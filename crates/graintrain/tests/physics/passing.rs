@@ -125,33 +125,3 @@ fn rollers_do_not_brake_what_slides_over_them() {
         assert!((u - 1.5 * Vec3::X).length() < 1e-4 && (z - 0.1).abs() < 1e-5, "{step} {lower}: {u} {z}");
     }
 }
-
-/// A contact that was let go and is found again is one contact. (Two had its place in the second round.)
-#[test]
-fn what_was_let_go_comes_back_once() {
-    for shift in [0.0, 1e-3, 2e-3, 3e-3] {
-        let mut world = world(0.4, 0.0);
-        let driven = Motion::translating(Vec3::X, Profile::Constant(5.242154877389886));
-        let planar = Motion::fixed().with_free([true, false, true, false, true, false]);
-        let [driven, planar] = [driven, planar].map(|motion| world.add_motion(motion).unwrap());
-        let place = Vec3::new(-0.014039838398667475 - shift, 0.0, 0.10066256618960624);
-        for (place, motion) in [
-            (place, driven),
-            (Vec3::ZERO, planar),
-            (Vec3::new(0.01493164540857067, 0.0, -0.1162171825290675), planar),
-        ] {
-            let ball = add_sphere(&mut world, 0.05, place);
-            world.bodies.motion[ball] = motion;
-        }
-        world.bodies.velocity[2] = 22.21938464389761 * Vec3::Z;
-        let mut stepper = stepper_at(1e-2, FrictionModel::Coulomb);
-        for _ in 0..4 {
-            stepper.step(&mut world).unwrap();
-            let mut known: Vec<u64> = world.contacts.contacts.iter().map(|c| c.identity).collect();
-            let count = known.len();
-            known.sort_unstable();
-            known.dedup();
-            assert_eq!(known.len(), count, "{shift}");
-        }
-    }
-}
