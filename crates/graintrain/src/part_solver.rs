@@ -76,8 +76,8 @@ pub(crate) struct PartSolver<'a> {
     pub parameters: &'a Parameters,
     /// Whether the solver has to see the whole problem.
     pub whole: bool,
-    /// |gravity|, m/s^2.
-    pub gravity: f64,
+    /// [`World::drive`](crate::World), m/s^2.
+    pub drive: f64,
     /// dt, s.
     pub step: f64,
     /// Attempts at this step so far that did not converge.
@@ -110,7 +110,7 @@ impl PartSolver<'_> {
         let mut merged = SolveReport { solver: self.solver.name(), ..SolveReport::default() };
         let mut largest = 0;
         for part in parts {
-            let (own, places) = part.problem(problem, rigid, (self.gravity, self.step));
+            let (own, places) = part.problem(problem, rigid, (self.drive, self.step));
             let mut g = part.gather::<3, f64>(impulse);
             let moments = &impulse[3 * contacts..];
             g.extend(places.iter().flat_map(|k| &moments[3 * k..3 * k + 3]));
