@@ -100,7 +100,7 @@ pub fn assemble(
         });
     });
     let friction = pair_property(world, contacts, |a, b| world.materials.pair_friction(a, b));
-    let velocity_scale = scale_under(world.drive(), step, &r, &friction);
+    let velocity_scale = scale_under(world.drive(0..world.bodies.len()), step, &r, &friction);
     let (turning_rows, turning) = turning(world, contacts);
     r.extend(turning_velocities(contacts, &rows, &turning_rows, free));
     let rigid = RigidDelassus::new(rows, inverse_mass).with_turning(turning_rows).with_coupled(coupled);

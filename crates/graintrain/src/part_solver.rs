@@ -1,6 +1,7 @@
 //! The contact problem of a step, solved part by part with impulses that make no energy.
 
 use crate::parts::parts;
+use crate::world::World;
 use graintrain_ccp::residual::ResidualScale;
 use graintrain_ccp::{Ccp, CcpError, CcpSolver, Delassus, FrictionModel, SolveReport, SolveSettings, Status};
 use graintrain_linalg::real;
@@ -76,8 +77,8 @@ pub(crate) struct PartSolver<'a> {
     pub parameters: &'a Parameters,
     /// Whether the solver has to see the whole problem.
     pub whole: bool,
-    /// [`World::drive`](crate::World), m/s^2.
-    pub drive: f64,
+    /// What drives the bodies of each part ([`World::drive`]).
+    pub world: &'a World,
     /// dt, s.
     pub step: f64,
     /// Attempts at this step so far that did not converge.
@@ -110,7 +111,8 @@ impl PartSolver<'_> {
         let mut merged = SolveReport { solver: self.solver.name(), ..SolveReport::default() };
         let mut largest = 0;
         for part in parts {
-            let (own, places) = part.problem(problem, rigid, (self.drive, self.step));
+            let drive = self.world.drive(part.bodies.iter().map(|&body| body as usize));
+            let (own, places) = part.problem(problem, rigid, (drive, self.step));
             let mut g = part.gather::<3, f64>(impulse);
             let moments = &impulse[3 * contacts..];
             g.extend(places.iter().flat_map(|k| &moments[3 * k..3 * k + 3]));

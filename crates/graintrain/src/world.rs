@@ -484,17 +484,19 @@ impl World {
         (0..self.bodies.len()).map(|body| self.acceleration(body)).fold(self.gravity.length(), f64::max)
     }
 
-    /// What drives a mass, m/s^2: |gravity|, or the sum of the forces on the bodies that move over that of
-    /// their masses where that is more, as in a sample under a heavy load; zero without gravity.
-    pub(crate) fn drive(&self) -> f64 {
+    /// What drives these bodies, m/s^2: |gravity|, or the sum of the forces on those that move over that of their
+    /// masses where that is more, as in a sample under a heavy load; zero without gravity.
+    pub(crate) fn drive(&self, bodies: impl Iterator<Item = usize>) -> f64 {
         let gravity = self.gravity.length();
-        let bodies = &self.bodies;
-        if gravity == 0.0 || bodies.force.iter().all(|&force| force == Vec3::ZERO) {
+        if gravity == 0.0 || self.bodies.force.iter().all(|&force| force == Vec3::ZERO) {
             return gravity;
         }
-        let moved = || (0..self.bodies.len()).filter(|&body| !self.is_prescribed(body));
-        let force: f64 = moved().map(|body| bodies.force[body].length()).sum();
-        gravity.max(force / moved().map(|body| bodies.mass[body]).sum::<f64>().max(f64::MIN_POSITIVE))
+        let (mut force, mut mass) = (0.0, 0.0);
+        for body in bodies.filter(|&body| !self.is_prescribed(body)) {
+            force += self.bodies.force[body].length();
+            mass += self.bodies.mass[body];
+        }
+        gravity.max(if mass > 0.0 { force / mass } else { 0.0 })
     }
 
     /// Whether all six degrees of freedom of the body are dynamic.
@@ -567,7 +569,7 @@ mod tests {
         let mut driven = |forces: [f64; 3], gravity: f64| {
             world.gravity = Vec3::new(0.0, 0.0, -gravity);
             world.bodies.force = forces.map(|force| Vec3::new(force, 0.0, 0.0)).to_vec();
-            (world.drive(), world.bodies.mass[..2].iter().sum::<f64>())
+            (world.drive(0..3), world.bodies.mass[..2].iter().sum::<f64>())
         };
         assert_eq!(driven([0.0; 3], 9.81).0, 9.81);
         let (drive, mass) = driven([-3e6, 1e6, 7e9], 9.81);

@@ -419,7 +419,7 @@ impl Stepper {
         let mut held: [Option<f64>; 6] = [None; 6];
         let (mut last, mut rounds): (Option<SolveReport>, usize) = (None, 0);
         loop {
-            rescale(problem, world.drive(), step);
+            rescale(problem, world.drive(0..world.bodies.len()), step);
             let mut rows = loose.clone();
             rows.hold(|k| held[k].is_some());
             let posed = (!rows.is_empty()).then(|| rows.posed(problem));
@@ -461,9 +461,9 @@ impl Stepper {
         let settings = SolveSettings { curvature: world.contacts.curvature, ..self.solve_settings() };
         // A method that keeps something from step to step has to see the same problem again.
         let whole = self.settings.solver.name.keeps_between_steps();
-        let (drive, step) = (world.drive(), self.settings.step);
+        let step = self.settings.step;
         let parameters = &self.parameters.parts;
-        PartSolver { solver: self.solver.as_mut(), settings, parameters, whole, drive, step, unsolved }
+        PartSolver { solver: self.solver.as_mut(), settings, parameters, whole, world, step, unsolved }
             .solve(problem, impulse)
     }
 }
