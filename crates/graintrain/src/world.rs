@@ -484,8 +484,8 @@ impl World {
         (0..self.bodies.len()).map(|body| self.acceleration(body)).fold(self.gravity.length(), f64::max)
     }
 
-    /// What drives these bodies, m/s^2: |gravity|, or the sum of the forces on those that move over that of their
-    /// masses where that is more, as in a sample under a heavy load; zero without gravity.
+    /// What drives these bodies, m/s^2: |gravity|, or the sum of the forces on those that move over that of
+    /// their masses where that is more, as in a sample under a heavy load; zero without gravity.
     pub(crate) fn drive(&self, bodies: impl Iterator<Item = usize>) -> f64 {
         let gravity = self.gravity.length();
         if gravity == 0.0 || self.bodies.force.iter().all(|&force| force == Vec3::ZERO) {

@@ -17,6 +17,7 @@ use crate::frame_turn::turned_slip;
 use crate::impact::{ImpactSolver, Impacts, Rows};
 use crate::integrate::{free_velocity, inverse_mass, inverse_mass_in_step};
 use crate::joint::mechanism::{JointReactions, Mechanisms};
+use crate::math::Vec3;
 use crate::part_solver::{PartSolver, Solved};
 use crate::world::World;
 use graintrain_ccp::{
@@ -77,6 +78,41 @@ impl Attempt {
     /// The contacts of the step as the problem was posed with them.
     pub(super) fn posed_with<'a>(&'a self, contacts: &'a [Contact]) -> &'a [Contact] {
         self.moved.as_deref().unwrap_or(contacts)
+    }
+
+    /// What the contact at this place among those of the step gives body A, impacts included, N s.
+    pub(super) fn push(&self, place: usize) -> Vec3 {
+        let mut push = self.impacts.impulse.get(place).copied().unwrap_or(Vec3::ZERO);
+        if let (Delassus::Rigid(rigid), Ok(k)) =
+            (&*self.problem.delassus, self.active.binary_search(&(place as u32)))
+        {
+            let axes = rigid.contacts()[k].frame.map(Vec3::from_array);
+            push += axes.into_iter().zip(&self.impulse[3 * k..]).map(|(axis, g)| *g * axis).sum::<Vec3>();
+        }
+        push
+    }
+
+    /// The changes of velocity (u, w) that contacts of two bodies (places among those of the step,
+    /// themselves, and rows) give them, in the order of [`Contact::unordered`].
+    pub(super) fn response(
+        &self,
+        places: &[usize],
+        contacts: &[Contact],
+        rows: &[RigidContact],
+    ) -> [[Vec3; 2]; 2] {
+        let Delassus::Rigid(rigid) = &*self.problem.delassus else { return Default::default() };
+        let bodies = contacts[0].unordered();
+        let mut impulses = bodies.map(|body| (body, [0.0; 6]));
+        for ((&place, contact), row) in places.iter().zip(contacts).zip(rows) {
+            let push = self.push(place);
+            for (body, arm, push) in [(contact.body_a, row.arm_a, push), (contact.body_b, row.arm_b, -push)] {
+                let moment = Vec3::from_array(arm).cross(push);
+                let both = push.to_array().into_iter().chain(moment.to_array());
+                let (_, sum) = &mut impulses[usize::from(body != bodies[0])];
+                sum.iter_mut().zip(both).for_each(|(sum, part)| *sum += part);
+            }
+        }
+        rigid.response(impulses).map(|change| [0, 3].map(|first| Vec3::from_slice(&change[first..first + 3])))
     }
 }
 

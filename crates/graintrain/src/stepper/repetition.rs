@@ -7,10 +7,10 @@
 //! | a deflected body meets another on its way (`on_the_way`), or its core one that it has contacts with (`cores`) | the contact where they meet joins |
 //! | bodies overlap at the end that had no contact (`undetected`) | their contacts join |
 //! | a contact ends far deeper than foreseen (`departed`) | it is linearised anew where it ends ([`carried_back`]) |
-//! | bodies were held apart that would pass without overlap (`spurious`; where one is held, `unmet.rs`) | their contacts are left out |
+//! | a contact exerts force whose bodies would pass without overlap (`unmet.rs`) | it is tried without |
 
 use super::attempt::Attempt;
-use super::covered::{leave_covered_out, leave_out};
+use super::covered::leave_covered_out;
 use super::mobility;
 use super::placement::{Placement, Seen};
 use super::{Made, StepError, Stepper};
@@ -20,7 +20,6 @@ use crate::clock::{Clock, Laps};
 use crate::contact::Contact;
 use crate::math::{Vec3, mix};
 use crate::world::World;
-use graintrain_ccp::{Delassus, RigidContact};
 use rayon::prelude::*;
 use std::collections::{HashMap, HashSet};
 
@@ -47,8 +46,6 @@ pub struct Parameters {
     /// reported. Two or three do, but where bodies cross the scene in a step each round may send them on to
     /// others.
     pub rounds: usize,
-    /// Rounds in which contacts may be left out.
-    pub spurious_rounds: usize,
     /// Solves of the contacts for joints whose motors, stops or paths turned out otherwise than foreseen;
     /// what is left then is reported.
     pub joint_rounds: usize,
@@ -63,7 +60,6 @@ impl Default for Parameters {
             spurious: 0.2,
             fallen: 0.1,
             rounds: 30,
-            spurious_rounds: 3,
             joint_rounds: 12,
         }
     }
@@ -213,22 +209,12 @@ impl Stepper {
         let begin = Clock::now();
         let is_last = rounds.round >= self.parameters.repetition.rounds;
         let closed = self.closed(world, &rounds.contacts, attempt);
-        let mut spurious = Vec::new();
-        if closed.is_empty() {
-            if !is_last {
-                rounds.joining = self.on_the_way(world, rounds, attempt);
-            }
-            if rounds.round < self.parameters.repetition.spurious_rounds {
-                spurious = self.spurious(world, rounds, attempt);
-                leave_out(&mut rounds.contacts, &spurious);
-            }
+        if closed.is_empty() && !is_last {
+            rounds.joining = self.on_the_way(world, rounds, attempt);
         }
         self.go_on()?;
         rounds.undetected = if is_last { closed.len() } else { 0 };
-        let mut again = !(is_last || closed.is_empty()) || !spurious.is_empty();
-        if !(again || is_last) {
-            again = self.try_without(world, rounds, attempt);
-        }
+        let again = !is_last && (!closed.is_empty() || self.try_without(world, rounds, attempt));
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
         if !is_last {
             rounds.added += closed.len();
@@ -583,118 +569,6 @@ impl Stepper {
         }
         found
     }
-
-    /// Contacts (indices) that hold bodies apart that would pass each other: a plane through the nearest
-    /// points of two edges bars the way that leads past them. A ball that rolls over the seam of two tiles
-    /// must not feel it.
-    ///
-    /// They are found by taking the impulses of a pair away: where Phi + dt u_n says that the bodies would
-    /// then be inside each other by more than 5e-4 of the smaller one's size, and on the way they nowhere are
-    /// by a fifth of that, there is nothing to hold apart. What a body falls in the step
-    /// is allowed for: the contact may have carried its weight in another one's place. Where they fall too
-    /// far for that, what they do that go on as the step found them, and no higher, tells instead. Those that
-    /// were added stay, and those of two balls: they have no seams, and grains that fly past each other are
-    /// many.
-    fn spurious(&self, world: &World, rounds: &Rounds, attempt: &Attempt) -> Vec<usize> {
-        let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Vec::new() };
-        let (step, collider) = (self.settings.step, &self.collider);
-        let rows = rigid.contacts();
-        let posed = attempt.posed_with(&rounds.contacts);
-        let contact = |k: usize| &posed[attempt.active[k] as usize];
-        let pair = |k: usize| contact(k).unordered();
-        let with_seams = |k: &usize| pair(*k).iter().any(|&body| !collider.is_ball(world, body as usize));
-        let mut order: Vec<usize> = (0..rows.len()).into_par_iter().filter(with_seams).collect();
-        order.sort_by_key(|&k| (pair(k), k));
-        let mut found = Vec::new();
-        for group in order.chunk_by(|&k, &l| pair(k) == pair(l)) {
-            if self.go_on().is_err() {
-                break;
-            }
-            let bodies = pair(group[0]);
-            let (impulses, pushed) = pushes(attempt, rows, group, bodies);
-            let size = self.collider.contact_size(world, contact(group[0]));
-            if !pushed || group.iter().any(|&k| rounds.met.contains_key(&contact(k).identity)) {
-                continue;
-            }
-            let response = rigid.response(impulses);
-            let without: [[Vec3; 2]; 2] = std::array::from_fn(|side| {
-                let body = bodies[side] as usize;
-                let (v, change) = (&attempt.velocity[6 * body..6 * body + 6], &response[side]);
-                [0, 3].map(|first| {
-                    Vec3::from_slice(&v[first..first + 3]) - Vec3::from_slice(&change[first..first + 3])
-                })
-            });
-            let start = bodies.map(|body| without_rise(world, body as usize));
-            let fall = bodies.map(|body| world.acceleration(body as usize)).into_iter().fold(0.0, f64::max)
-                * step
-                * step;
-            let (velocities, fall) =
-                if fall <= self.parameters.repetition.fallen * size { (without, fall) } else { (start, 0.0) };
-            let foreseen = |k: usize| {
-                let (row, own) = (&rows[k], contact(k));
-                let speed = |body: u32, arm: [f64; 3]| {
-                    let [u, w] = velocities[usize::from(body == bodies[1])];
-                    u + w.cross(Vec3::from_array(arm))
-                };
-                let mut relative = speed(own.body_a, row.arm_a) - speed(own.body_b, row.arm_b);
-                if own.image != [0; 3] {
-                    relative -= cell::image_velocity(attempt.cell.as_ref(), own);
-                }
-                own.gap.max(0.0) + step * Vec3::from_array(row.frame[0]).dot(relative)
-            };
-            let barred: Vec<usize> = group
-                .iter()
-                .copied()
-                .filter(|&k| foreseen(k) + fall < -self.parameters.repetition.undetected * size)
-                .collect();
-            let least = barred.iter().map(|&k| -foreseen(k) - fall).fold(f64::INFINITY, f64::min);
-            let allowed = (self.parameters.repetition.spurious * least)
-                .min(self.parameters.repetition.undetected * size);
-            let pass = || self.collider.pass_freely(world, bodies, velocities, step, &[allowed], fall)[0];
-            if !barred.is_empty() && pass() {
-                found.extend(barred.iter().map(|&k| attempt.active[k] as usize));
-            }
-        }
-        found.sort_unstable();
-        found
-    }
-}
-
-/// The velocities of a body, without what leads it up: what was thrown up comes down within the step, and may
-/// meet what it would pass above.
-fn without_rise(world: &World, body: usize) -> [Vec3; 2] {
-    let up = -world.gravity.normalize_or_zero();
-    let velocity = world.bodies.velocity[body];
-    [velocity - velocity.dot(up).max(0.0) * up, world.bodies.angular_velocity[body]]
-}
-
-/// Impulses and moments of these contacts of two bodies on each of them, and whether there are any.
-fn pushes(
-    attempt: &Attempt,
-    rows: &[RigidContact],
-    group: &[usize],
-    bodies: [u32; 2],
-) -> ([(u32, [f64; 6]); 2], bool) {
-    let mut impulses = bodies.map(|body| (body, [0.0; 6]));
-    let mut pushed = false;
-    for &k in group {
-        let row = &rows[k];
-        let [n, t1, t2] = row.frame.map(Vec3::from_array);
-        let g = &attempt.impulse[3 * k..3 * k + 3];
-        let mut impulse = g[0] * n + g[1] * t1 + g[2] * t2;
-        if let Some(of_impact) = attempt.impacts.impulse.get(attempt.active[k] as usize) {
-            impulse += *of_impact;
-        }
-        pushed |= impulse != Vec3::ZERO;
-        for (body, arm, on_it) in [(row.body_a, row.arm_a, impulse), (row.body_b, row.arm_b, -impulse)] {
-            if let Some((_, sum)) = impulses.iter_mut().find(|(own, _)| *own == body) {
-                let moment = Vec3::from_array(arm).cross(on_it);
-                let both = on_it.to_array().into_iter().chain(moment.to_array());
-                sum.iter_mut().zip(both).for_each(|(sum, part)| *sum += part);
-            }
-        }
-    }
-    (impulses, pushed)
 }
 
 /// The contact found at the end of a step, linearised there, for the problem of its beginning: normal n and

@@ -1,21 +1,32 @@
 //! Contacts that exert force though their bodies may pass each other: tried without.
 //!
 //! A contact keeps two bodies apart along the plane that their nearest points have at the start of the step.
-//! Of bodies that pass close by, round or at an edge, that plane bars the way though nothing touches. Whether
-//! one that is held by others (a floor, a joint) meets it no motion tells that is known before the solve: it
-//! falls, is carried or pushed. So a contact that exerts force is let go, once in a step, where its bodies
-//! pass each other as they moved before the step, or as they would move without contacts; and the step is
-//! solved again. Where they then overlap on their way, it is back.
+//! Of bodies that pass close by, round or at an edge or over a seam, that plane bars the way though nothing
+//! touches. So a contact that exerts force is let go, once in a step, where its bodies would pass each other;
+//! and the step is solved again. Where they then overlap on their way, it is back. How they would move is
+//! taken from
+//!
+//! * the velocities found, without what the contacts of the two did to them: what else carries them, does so
+//!   then too, but for what these have taken over from it, up to the weight;
+//! * those before the step and those without any contact, where one of both is held by a joint or prescribed:
+//!   whether what it falls, is carried or pushed by lets it meet the other one no motion tells that is known
+//!   before the solve.
+//!
+//! Contacts of two free balls are left alone: they have no seams, and grains that fly past each other are
+//! many.
 
 use super::Stepper;
 use super::attempt::Attempt;
 use super::covered::leave_out;
-use super::repetition::Rounds;
-use crate::assemble::{contact_rows, relative_velocities};
+use super::repetition::{Parameters as Repetition, Rounds};
+use crate::assemble::{contact_rows, velocity_of};
+use crate::cell;
+use crate::collide::Collider;
 use crate::contact::Contact;
 use crate::integrate::velocities;
 use crate::math::Vec3;
 use crate::world::World;
+use graintrain_ccp::RigidContact;
 use rayon::prelude::*;
 use std::collections::HashSet;
 
@@ -33,17 +44,27 @@ enum Way {
     Meets,
 }
 
+/// Velocities (u, w) of the two bodies of a contact.
+type Motion = [[Vec3; 2]; 2];
+
 impl Stepper {
     /// Lets contacts go, and takes those back without which bodies overlap; whether any of both was done.
-    /// `world` is at the start of the step. Cost: a pass over the contacts; a walk along two motions for each
-    /// pair with a gap and force, and along one for each that was let go.
+    /// `world` is at the start of the step. Cost: a pass over the contacts; a walk along up to three motions
+    /// for each contact with force, and along one for each that was let go.
     pub(super) fn try_without(&self, world: &World, rounds: &mut Rounds, attempt: &Attempt) -> bool {
         let let_go = rounds.take_let_go();
-        let ways = self.ways(world, &let_go, attempt, &attempt.velocity);
+        let rows = contact_rows(world, &let_go);
+        let is_jointed = &jointed(world);
+        let ways = self.ways(world, attempt, is_jointed);
+        let is_back = |(contact, row): (&Contact, &RigidContact)| {
+            let found = contact.unordered().map(|body| velocity_of(&attempt.velocity, body as usize));
+            ways.of(contact, row, found) == Way::Meets
+        };
+        let is_back: Vec<bool> = let_go.par_iter().zip(&rows).map(is_back).collect();
         let (back, gone): (Vec<_>, Vec<_>) =
-            let_go.into_iter().zip(ways).partition(|(_, way)| *way == Way::Meets);
+            let_go.into_iter().zip(is_back).partition(|(_, is_back)| *is_back);
         rounds.let_go.extend(gone.into_iter().map(|(contact, _)| contact));
-        let unmet = self.unmet(world, rounds, attempt);
+        let unmet = self.unmet(world, rounds, attempt, is_jointed);
         rounds.tried.extend(unmet.iter().map(|&i| rounds.contacts[i].identity));
         rounds.let_go.extend(unmet.iter().map(|&i| rounds.contacts[i]));
         leave_out(&mut rounds.contacts, &unmet);
@@ -52,76 +73,128 @@ impl Stepper {
         any
     }
 
-    /// Contacts (places, ascending) that are to be let go: those of bodies of which one is held, that were
-    /// not seen to meet, and pass each other.
-    fn unmet(&self, world: &World, rounds: &Rounds, attempt: &Attempt) -> Vec<usize> {
+    /// Contacts (places, ascending) that are to be let go: those not seen to meet whose bodies pass each
+    /// other.
+    fn unmet(&self, world: &World, rounds: &Rounds, attempt: &Attempt, is_jointed: &[bool]) -> Vec<usize> {
         // Planes that gather need no trials.
         if 2 * rounds.round >= self.parameters.repetition.rounds {
             return Vec::new();
         }
-        // What moves freely was looked at as it flies.
-        let is_jointed = jointed(world);
-        let is_held = |body: usize| is_jointed[body] || world.is_prescribed(body);
+        let ways = self.ways(world, attempt, is_jointed);
+        let (collider, contacts) = (&self.collider, &rounds.contacts);
+        let is_held = |body: u32| is_jointed[body as usize] || world.is_prescribed(body as usize);
         let may_be = |i: &usize| {
-            let contact = &rounds.contacts[*i];
-            let pair = [contact.body_a, contact.body_b].map(|body| body as usize);
+            let (contact, bodies) = (&contacts[*i], contacts[*i].unordered());
             // Nothing passes a half-space.
-            pair.iter().any(|&body| is_held(body))
-                && !pair.iter().any(|&body| world.is_unbounded(body))
-                && contact.gap > TOUCHING * self.collider.contact_size(world, contact)
+            bodies.iter().any(|&body| is_held(body) || !collider.is_ball(world, body as usize))
+                && !bodies.iter().any(|&body| world.is_unbounded(body as usize))
                 && attempt.pulls.get(*i).is_none_or(|&pull| pull == 0.0)
                 && rounds.times_met(contact) == 0
                 && !rounds.tried.contains(&contact.identity)
         };
         // Of contacts side by side any may carry the force.
-        let with_force =
-            attempt.active.iter().zip(attempt.impulse.chunks_exact(3)).filter(|(_, g)| g[0] > 0.0);
-        let with_force = with_force.map(|(&i, _)| i as usize).filter(may_be);
-        let pairs: HashSet<[u32; 2]> = with_force.map(|i| rounds.contacts[i].unordered()).collect();
+        let with_force = (0..contacts.len()).filter(may_be).filter(|&i| attempt.push(i) != Vec3::ZERO);
+        let pairs: HashSet<[u32; 2]> = with_force.map(|i| contacts[i].unordered()).collect();
         if pairs.is_empty() {
             return Vec::new();
         }
-        let is_beside = |i: &usize| pairs.contains(&rounds.contacts[*i].unordered());
-        let places: Vec<usize> = (0..rounds.contacts.len()).filter(is_beside).filter(may_be).collect();
-        let contacts: Vec<Contact> = places.iter().map(|&i| rounds.contacts[i]).collect();
-        let before = self.ways(world, &contacts, attempt, &velocities(world));
-        let free = self.ways(world, &contacts, attempt, &attempt.free);
-        let passes = before.into_iter().zip(free).map(|(before, free)| [before, free].contains(&Way::Passes));
-        places.into_iter().zip(passes).filter(|(_, passes)| *passes).map(|(i, _)| i).collect()
+        let pair = |i: usize| contacts[i].unordered();
+        let mut places: Vec<usize> = (0..contacts.len()).filter(|&i| pairs.contains(&pair(i))).collect();
+        places.sort_by_key(|&i| (pair(i), i));
+        let before = velocities(world);
+        let passing = |group: &[usize]| {
+            let own: Vec<Contact> = group.iter().map(|&i| contacts[i]).collect();
+            let rows = contact_rows(world, &own);
+            let of = |velocity: &[f64]| pair(group[0]).map(|body| velocity_of(velocity, body as usize));
+            let found = of(&attempt.velocity);
+            let change = attempt.response(group, &own, &rows);
+            let without = [0, 1].map(|side| [0, 1].map(|k| found[side][k] - change[side][k]));
+            let is_held = pair(group[0]).into_iter().any(is_held);
+            let passes = |contact: &Contact, row: &RigidContact| {
+                let size = collider.contact_size(world, contact);
+                let passes = |motion| ways.of(contact, row, motion) == Way::Passes;
+                ways.without(contact, row, [without, of(&before)]) == Way::Passes
+                    || is_held
+                        && contact.gap > TOUCHING * size
+                        && (passes(of(&before)) || passes(of(&attempt.free)))
+            };
+            let all = group.iter().zip(own.iter().zip(&rows));
+            let all = all.filter(|(i, (contact, row))| may_be(i) && passes(contact, row));
+            all.map(|(&i, _)| i).collect::<Vec<usize>>()
+        };
+        let groups: Vec<&[usize]> = places.chunk_by(|&i, &j| pair(i) == pair(j)).collect();
+        let mut found: Vec<usize> = groups.into_par_iter().flat_map_iter(passing).collect();
+        found.sort_unstable();
+        found
     }
 
-    /// How the bodies of each of these contacts go that move with these velocities, six numbers each. The way
-    /// of what joints turn aside bends by dt^2 a / 2, a its acceleration without contacts, which is no
-    /// overlap.
-    fn ways(&self, world: &World, contacts: &[Contact], attempt: &Attempt, velocity: &[f64]) -> Vec<Way> {
-        if contacts.is_empty() {
-            return Vec::new();
+    fn ways<'a>(&'a self, world: &'a World, attempt: &'a Attempt, is_jointed: &'a [bool]) -> Ways<'a> {
+        let (collider, repetition) = (&self.collider, &self.parameters.repetition);
+        Ways { collider, repetition, step: self.settings.step, world, attempt, is_jointed }
+    }
+}
+
+/// How bodies go through a step.
+struct Ways<'a> {
+    collider: &'a Collider,
+    repetition: &'a Repetition,
+    step: f64,
+    world: &'a World,
+    attempt: &'a Attempt,
+    is_jointed: &'a [bool],
+}
+
+impl Ways<'_> {
+    /// Of the bodies of a contact that move like this.
+    fn of(&self, contact: &Contact, row: &RigidContact, motion: Motion) -> Way {
+        self.falling(contact, row, motion, [0.0; 2])
+    }
+
+    /// The same without what the contacts of the two do. What a body falls in the step is allowed for: they
+    /// may have carried its weight in the place of others. Where it falls too far for that, `before` tells
+    /// instead.
+    fn without(&self, contact: &Contact, row: &RigidContact, [without, before]: [Motion; 2]) -> Way {
+        let Self { collider, repetition, step, world, .. } = self;
+        let size = collider.contact_size(world, contact);
+        let fall = contact.unordered().map(|body| world.acceleration(body as usize));
+        let fall = fall.into_iter().fold(0.0, f64::max) * step * step;
+        let least = repetition.undetected * size;
+        if fall <= repetition.fallen * size {
+            self.falling(contact, row, without, [fall, least])
+        } else {
+            self.falling(contact, row, before, [0.0, least])
         }
-        let (step, repetition, collider) = (self.settings.step, &self.parameters.repetition, &self.collider);
-        let is_jointed = jointed(world);
-        let u =
-            relative_velocities(attempt.cell.as_ref(), contacts, &contact_rows(world, contacts), velocity);
-        let way = |(contact, u): (&Contact, &[f64])| {
-            let foreseen = -(contact.gap + step * u[0]);
-            if foreseen <= 0.0 {
-                return Way::Apart;
-            }
-            let pair = [contact.body_a, contact.body_b];
-            let of_body =
-                |body: u32| [0, 3].map(|k| Vec3::from_slice(&velocity[6 * body as usize + k..][..3]));
-            let bends = |body: u32| {
-                let body = body as usize;
-                let change = Vec3::from_slice(&attempt.free[6 * body..][..3]) - world.bodies.velocity[body];
-                if is_jointed[body] { 0.5 * step * change.length() } else { 0.0 }
-            };
-            let aside: f64 = pair.into_iter().map(bends).sum();
-            let unseen = repetition.undetected * collider.contact_size(world, contact);
-            let allowed = unseen.min(repetition.spurious * foreseen);
-            let allowed = allowed.max(aside.min(0.5 * foreseen));
-            let passes = collider.pass_freely(world, pair, pair.map(of_body), step, &[allowed], 0.0)[0];
-            if passes { Way::Passes } else { Way::Meets }
+    }
+
+    /// The same of bodies that fall so far, m; where Phi + dt u_n comes to less than `least`, m, it tells
+    /// nothing. The way of what joints turn aside bends by dt^2 a / 2, a its acceleration without contacts,
+    /// which is no overlap.
+    fn falling(&self, contact: &Contact, row: &RigidContact, motion: Motion, [fall, least]: [f64; 2]) -> Way {
+        let &Self { collider, repetition, step, world, attempt, is_jointed } = self;
+        let bodies = contact.unordered();
+        let speed = |body: u32, arm: [f64; 3]| {
+            let [u, w] = motion[usize::from(body != bodies[0])];
+            u + w.cross(Vec3::from_array(arm))
         };
-        contacts.par_iter().zip(u.par_chunks_exact(3)).map(way).collect()
+        let mut closing = speed(contact.body_a, row.arm_a) - speed(contact.body_b, row.arm_b);
+        if contact.image != [0; 3] {
+            closing -= cell::image_velocity(attempt.cell.as_ref(), contact);
+        }
+        let foreseen = -(contact.gap.max(0.0) + step * contact.normal.dot(closing)) - fall;
+        if foreseen <= least {
+            return Way::Apart;
+        }
+        let bends = |body: u32| {
+            let body = body as usize;
+            let change = velocity_of(&attempt.free, body)[0] - world.bodies.velocity[body];
+            if is_jointed[body] { 0.5 * step * change.length() } else { 0.0 }
+        };
+        let aside: f64 = bodies.into_iter().map(bends).sum();
+        let unseen = repetition.undetected * collider.contact_size(world, contact);
+        let allowed = unseen.min(repetition.spurious * foreseen);
+        let allowed = allowed.max(aside.min(0.5 * foreseen));
+        let passes = collider.pass_freely(world, bodies, motion, step, &[allowed], fall)[0];
+        if passes { Way::Passes } else { Way::Meets }
     }
 }
 
