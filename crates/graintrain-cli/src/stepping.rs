@@ -33,7 +33,7 @@ pub struct SteppingOptions {
     pub strict: bool,
     /// Stop after so many seconds of wall clock, with exit code 3: the step under way is
     /// dropped, a checkpoint is written, `graintrain resume DIR` goes on
-    #[arg(long, value_name = "SECONDS", value_parser = scene::seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = scene::seconds, allow_hyphen_values = true)]
     pub max_seconds: Option<f64>,
     /// Show the run in a browser while it computes: serves its page, with pause, step and stop, at
     /// http://127.0.0.1:PORT/ (any free port where none is given), for this machine alone

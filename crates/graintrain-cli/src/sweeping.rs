@@ -40,7 +40,7 @@ pub struct RunsOptions {
     #[arg(long, value_name = "N", default_value_t = NonZeroUsize::MIN)]
     threads: NonZeroUsize,
     /// Means in time begin here, in seconds or with a unit; by default where a series becomes steady
-    #[arg(long, value_name = "SECONDS", value_parser = scene::seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = scene::seconds, allow_hyphen_values = true)]
     pub from: Option<f64>,
     /// Folder of the results; by default out/COMMAND-NAME
     #[arg(long, value_name = "DIR")]
@@ -295,6 +295,9 @@ pub fn sweep_failure(error: SweepError) -> Failure {
         }
         SweepError::Output(error) => {
             let remedy = error.remedy();
+            if error.is_misplaced() {
+                return Failure::input_error(error, remedy);
+            }
             Failure::work_error(error, remedy)
         }
         error @ (SweepError::Plan(_) | SweepError::Differs { .. } | SweepError::Observable { .. }) => {

@@ -44,11 +44,16 @@ impl OutputError {
         self.source
     }
 
+    /// Whether the path itself is at fault: a file stands where a folder is to be.
+    pub fn is_misplaced(&self) -> bool {
+        matches!(self.source.kind(), io::ErrorKind::NotADirectory | io::ErrorKind::AlreadyExists)
+    }
+
     /// What the user can do.
     pub fn remedy(&self) -> &'static str {
         match self.source.kind() {
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {
-                "make room, or write fewer frames; what was written before is complete, and `graintrain resume` goes on from the last checkpoint"
+                "make room and try again; what was written before is complete, and `graintrain resume` takes a run further from its last checkpoint"
             }
             io::ErrorKind::ResourceBusy => {
                 "wait until the other run has ended, or choose another folder with --out"
@@ -465,5 +470,6 @@ mod tests {
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
         let in_file = write_atomically(&path.join("b"), b"").unwrap_err();
         assert!(in_file.to_string().contains("is a file, not a folder"), "{in_file}");
+        assert!(in_file.is_misplaced() && !failed.is_misplaced());
     }
 }

@@ -30,7 +30,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N", conflicts_with = "until")]
     steps: Option<u64>,
     /// Simulated time at the end, in seconds or with a unit, instead of the planned one
-    #[arg(long, value_name = "SECONDS", value_parser = scene::seconds)]
+    #[arg(long, value_name = "SECONDS", value_parser = scene::seconds, allow_hyphen_values = true)]
     until: Option<f64>,
     /// Go on with another contact solver
     #[arg(long, value_name = "NAME")]
