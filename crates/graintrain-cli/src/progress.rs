@@ -156,7 +156,7 @@ impl Warnings {
                     "its contact problem has no solution (jammed bodies). Try a shorter step"
                 }
                 _ => {
-                    "the step is made with the best impulses found. Try a shorter step; a looser --tolerance where heavy bodies press light ones"
+                    "the step is made with the best impulses found. Try a shorter step; a looser --tolerance where loads press much harder than weight"
                 }
             };
             let remark = solve.remark.as_ref().map_or(String::new(), |remark| format!("; {remark}"));

@@ -80,8 +80,8 @@ pub fn relative_velocities(
 /// Elastic contacts have a b of their own and a diagonal beside D^T M^-1 D: see [`crate::elasticity`]. The
 /// velocity of prescribed bodies enters r. Restitution is not here but in [`crate::impact`].
 ///
-/// V, which makes residuals dimensionless, is [`World::drive`] dt; without gravity the root mean square of
-/// |r_i| over contacts that do not part by themselves.
+/// V, which makes residuals dimensionless, is |gravity| dt; without gravity the root mean square of |r_i|
+/// over contacts that do not part by themselves.
 pub fn assemble(
     world: &World,
     contacts: &[Contact],
@@ -100,7 +100,7 @@ pub fn assemble(
         });
     });
     let friction = pair_property(world, contacts, |a, b| world.materials.pair_friction(a, b));
-    let velocity_scale = scale_under(world.drive(0..world.bodies.len()), step, &r, &friction);
+    let velocity_scale = scale_under(world.gravity.length(), step, &r, &friction);
     let (turning_rows, turning) = turning(world, contacts);
     r.extend(turning_velocities(contacts, &rows, &turning_rows, free));
     let rigid = RigidDelassus::new(rows, inverse_mass).with_turning(turning_rows).with_coupled(coupled);
@@ -168,13 +168,13 @@ pub(crate) fn velocity_scale(r: &[f64], friction: &[f64]) -> Option<f64> {
     (sum > 0.0).then(|| (sum / count).sqrt())
 }
 
-/// Below this fraction of the velocities of the contacts themselves what drives is none to measure by.
+/// Below this fraction of the velocities of the contacts themselves |gravity| dt is none to measure by.
 const FAINT: f64 = 1e-9;
 
-/// V of a problem, m/s: what drives a mass ([`World::drive`], m/s^2) times the step, and where that is
-/// nothing beside the contacts' own velocities, theirs.
-pub(crate) fn scale_under(drive: f64, step: f64, r: &[f64], friction: &[f64]) -> Option<f64> {
-    let fall = drive * step;
+/// V of a problem under gravity, m/s: |gravity| dt, and where that is nothing beside the contacts' own
+/// velocities, theirs.
+pub(crate) fn scale_under(gravity: f64, step: f64, r: &[f64], friction: &[f64]) -> Option<f64> {
+    let fall = gravity * step;
     match velocity_scale(r, friction) {
         Some(own) if fall <= FAINT * own => Some(own),
         _ => Some(fall).filter(|&fall| fall > 0.0),

@@ -1,7 +1,6 @@
 //! The contact problem of a step, solved part by part with impulses that make no energy.
 
 use crate::parts::parts;
-use crate::world::World;
 use graintrain_ccp::residual::ResidualScale;
 use graintrain_ccp::{Ccp, CcpError, CcpSolver, Delassus, FrictionModel, SolveReport, SolveSettings, Status};
 use graintrain_linalg::real;
@@ -77,8 +76,8 @@ pub(crate) struct PartSolver<'a> {
     pub parameters: &'a Parameters,
     /// Whether the solver has to see the whole problem.
     pub whole: bool,
-    /// What drives the bodies of each part ([`World::drive`]).
-    pub world: &'a World,
+    /// |gravity|, m/s^2.
+    pub gravity: f64,
     /// dt, s.
     pub step: f64,
     /// Attempts at this step so far that did not converge.
@@ -111,8 +110,7 @@ impl PartSolver<'_> {
         let mut merged = SolveReport { solver: self.solver.name(), ..SolveReport::default() };
         let mut largest = 0;
         for part in parts {
-            let drive = self.world.drive(part.bodies.iter().map(|&body| body as usize));
-            let (own, places) = part.problem(problem, rigid, (drive, self.step));
+            let (own, places) = part.problem(problem, rigid, (self.gravity, self.step));
             let mut g = part.gather::<3, f64>(impulse);
             let moments = &impulse[3 * contacts..];
             g.extend(places.iter().flat_map(|k| &moments[3 * k..3 * k + 3]));

@@ -148,13 +148,13 @@ impl Part {
         found
     }
 
-    /// The contacts of the part, posed as a problem of their own under this drive (m/s^2) for this step
+    /// The contacts of the part, posed as a problem of their own under this gravity (m/s^2) for this step
     /// (s); and the places of those that resist turning among those of the whole.
     pub(crate) fn problem(
         &self,
         whole: &Ccp,
         rigid: &RigidDelassus,
-        (drive, step): (f64, f64),
+        (gravity, step): (f64, f64),
     ) -> (Ccp, Vec<usize>) {
         let (rows, turning, places) = self.turning(rigid.turning(), &whole.turning);
         let matrix = self.delassus(rigid.contacts(), rigid.inverse_mass(), rigid.coupled());
@@ -165,7 +165,7 @@ impl Part {
         r.extend(places.iter().flat_map(|k| whole.r[first + 3 * k..first + 3 * k + 3].iter()));
         let friction = self.gather::<1, f64>(&whole.friction);
         let own = Ccp {
-            velocity_scale: scale_under(drive, step, &r, &friction),
+            velocity_scale: scale_under(gravity, step, &r, &friction),
             delassus: Arc::new(Delassus::Rigid(matrix.with_turning(rows).with_compliance(compliance))),
             r,
             friction,

@@ -484,21 +484,6 @@ impl World {
         (0..self.bodies.len()).map(|body| self.acceleration(body)).fold(self.gravity.length(), f64::max)
     }
 
-    /// What drives these bodies, m/s^2: |gravity|, or the sum of the forces on those that move over that of
-    /// their masses where that is more, as in a sample under a heavy load; zero without gravity.
-    pub(crate) fn drive(&self, bodies: impl Iterator<Item = usize>) -> f64 {
-        let gravity = self.gravity.length();
-        if gravity == 0.0 || self.bodies.force.iter().all(|&force| force == Vec3::ZERO) {
-            return gravity;
-        }
-        let (mut force, mut mass) = (0.0, 0.0);
-        for body in bodies.filter(|&body| !self.is_prescribed(body)) {
-            force += self.bodies.force[body].length();
-            mass += self.bodies.mass[body];
-        }
-        gravity.max(if mass > 0.0 { force / mass } else { 0.0 })
-    }
-
     /// Whether all six degrees of freedom of the body are dynamic.
     pub fn is_free(&self, body: usize) -> bool {
         self.bodies.motion[body] == FREE
@@ -555,28 +540,6 @@ mod tests {
     fn world() -> World {
         let materials = Materials::single("glass", 2500.0, 0.3, 0.0).unwrap();
         World::new(Vec3::new(0.0, 0.0, -9.81), materials).unwrap()
-    }
-
-    #[test]
-    fn what_drives_is_gravity_or_the_forces_of_what_moves_per_mass() {
-        let mut world = world();
-        let ball = world.add_geometry(Geometry::sphere(0.1).unwrap());
-        let loose = Body::new(ball, MaterialId::default(), Vec3::ZERO);
-        let motion = world.add_motion(Motion::fixed()).unwrap();
-        for body in [loose.clone(), loose.clone(), Body { motion, ..loose }] {
-            world.add_body(body).unwrap();
-        }
-        let mut driven = |forces: [f64; 3], gravity: f64| {
-            world.gravity = Vec3::new(0.0, 0.0, -gravity);
-            world.bodies.force = forces.map(|force| Vec3::new(force, 0.0, 0.0)).to_vec();
-            (world.drive(0..3), world.bodies.mass[..2].iter().sum::<f64>())
-        };
-        assert_eq!(driven([0.0; 3], 9.81).0, 9.81);
-        let (drive, mass) = driven([-3e6, 1e6, 7e9], 9.81);
-        assert!((drive * mass / 4e6 - 1.0).abs() < 1e-12, "{drive} m/s^2 of {mass} kg");
-        // A feather on a rope sets no measure, and without gravity velocities do.
-        assert_eq!(driven([1.0, 0.0, 0.0], 9.81).0, 9.81);
-        assert_eq!(driven([1e9, 0.0, 0.0], 0.0).0, 0.0);
     }
 
     /// A rod has one moment of zero and a plate one that is the sum of the others; no body has one above

@@ -455,7 +455,7 @@ impl Stepper {
         let mut held: [Option<f64>; 6] = [None; 6];
         let (mut last, mut rounds): (Option<SolveReport>, usize) = (None, 0);
         loop {
-            rescale(problem, world.drive(0..world.bodies.len()), step);
+            rescale(problem, world.gravity.length(), step);
             let mut rows = loose.clone();
             rows.hold(|k| held[k].is_some());
             let posed = (!rows.is_empty()).then(|| rows.posed(problem));
@@ -497,9 +497,9 @@ impl Stepper {
         let settings = SolveSettings { curvature: world.contacts.curvature, ..self.solve_settings() };
         // A method that keeps something from step to step has to see the same problem again.
         let whole = self.settings.solver.name.keeps_between_steps();
-        let step = self.settings.step;
+        let (gravity, step) = (world.gravity.length(), self.settings.step);
         let parameters = &self.parameters.parts;
-        PartSolver { solver: self.solver.as_mut(), settings, parameters, whole, world, step, unsolved }
+        PartSolver { solver: self.solver.as_mut(), settings, parameters, whole, gravity, step, unsolved }
             .solve(problem, impulse)
     }
 }
@@ -538,10 +538,10 @@ fn body_impulses(problem: &Ccp, impulse: &[f64]) -> Vec<f64> {
     (0..rigid.num_bodies()).flat_map(|body| rigid.body_impulse(&world_impulse, body)).collect()
 }
 
-/// V of a problem whose r has changed, under this drive (m/s^2) in a step (s).
-fn rescale(problem: &mut Ccp, drive: f64, step: f64) {
+/// V of a problem whose r has changed, under gravity (m/s^2) in a step (s).
+fn rescale(problem: &mut Ccp, gravity: f64, step: f64) {
     let contacts = 3 * problem.num_contacts();
-    problem.velocity_scale = scale_under(drive, step, &problem.r[..contacts], &problem.friction);
+    problem.velocity_scale = scale_under(gravity, step, &problem.r[..contacts], &problem.friction);
 }
 
 /// Joints that open count in the residual, and a solve that leaves them open has not converged.

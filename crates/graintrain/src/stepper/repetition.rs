@@ -266,7 +266,7 @@ impl Stepper {
         let (step, collider) = (self.settings.step, &self.collider);
         let least = (0..world.bodies.len()).map(|body| collider.sizes(world, body)[0]);
         let least = Some(least.fold(f64::INFINITY, f64::min)).filter(|least| least.is_finite());
-        let left = NOISE * self.settings.solver.tolerance * world.drive(0..world.bodies.len()) * step * step;
+        let left = NOISE * self.settings.solver.tolerance * world.gravity.length() * step * step;
         let far = left.max(self.parameters.repetition.undetected * least.unwrap_or(0.0));
         seen.stirred(world, step, far, |body| collider.sizes(world, body)[1])
     }

@@ -48,41 +48,45 @@ enum Way {
 type Motion = [[Vec3; 2]; 2];
 
 impl Stepper {
-    /// Lets contacts go, and takes those back without which bodies overlap; whether any of both was done.
+    /// Lets contacts go, or where there are no more of them takes those back without which bodies overlap;
+    /// whether any of both was done.
     /// `world` is at the start of the step. Cost: a pass over the contacts; a walk along up to three motions
     /// for each contact with force, and along one for each that was let go.
     pub(super) fn try_without(&self, world: &World, rounds: &mut Rounds, attempt: &Attempt) -> bool {
-        let let_go = rounds.take_let_go();
-        let rows = contact_rows(world, &let_go);
         let is_jointed = &jointed(world);
         let ways = self.ways(world, attempt, is_jointed);
+        let unmet = self.unmet(world, rounds, &ways);
+        if !unmet.is_empty() {
+            rounds.tried.extend(unmet.iter().map(|&i| rounds.contacts[i].identity));
+            rounds.let_go.extend(unmet.iter().map(|&i| rounds.contacts[i]));
+            leave_out(&mut rounds.contacts, &unmet);
+            return true;
+        }
+        let let_go = rounds.take_let_go();
+        let rows = contact_rows(world, &let_go);
         let is_back = |(contact, row): (&Contact, &RigidContact)| {
             let found = contact.unordered().map(|body| velocity_of(&attempt.velocity, body as usize));
-            ways.of(contact, row, found) == Way::Meets
+            ways.falling(contact, row, found, [0.0, ways.unseen(contact)]) == Way::Meets
         };
         let is_back: Vec<bool> = let_go.par_iter().zip(&rows).map(is_back).collect();
         let (back, gone): (Vec<_>, Vec<_>) =
             let_go.into_iter().zip(is_back).partition(|(_, is_back)| *is_back);
         rounds.let_go.extend(gone.into_iter().map(|(contact, _)| contact));
-        let unmet = self.unmet(world, rounds, attempt, is_jointed);
-        rounds.tried.extend(unmet.iter().map(|&i| rounds.contacts[i].identity));
-        rounds.let_go.extend(unmet.iter().map(|&i| rounds.contacts[i]));
-        leave_out(&mut rounds.contacts, &unmet);
-        let any = !(back.is_empty() && unmet.is_empty());
+        let any = !back.is_empty();
         rounds.take(back.into_iter().map(|(contact, _)| contact).collect());
         any
     }
 
     /// Contacts (places, ascending) that are to be let go: those not seen to meet whose bodies pass each
     /// other.
-    fn unmet(&self, world: &World, rounds: &Rounds, attempt: &Attempt, is_jointed: &[bool]) -> Vec<usize> {
+    fn unmet(&self, world: &World, rounds: &Rounds, ways: &Ways<'_>) -> Vec<usize> {
         // Planes that gather need no trials.
         if 2 * rounds.round >= self.parameters.repetition.rounds {
             return Vec::new();
         }
-        let ways = self.ways(world, attempt, is_jointed);
-        let (collider, contacts) = (&self.collider, &rounds.contacts);
-        let is_held = |body: u32| is_jointed[body as usize] || world.is_prescribed(body as usize);
+        let attempt = ways.attempt;
+        let (collider, contacts) = (&self.collider, attempt.posed_with(&rounds.contacts));
+        let is_held = |body: u32| ways.is_jointed[body as usize] || world.is_prescribed(body as usize);
         let may_be = |i: &usize| {
             let (contact, bodies) = (&contacts[*i], contacts[*i].unordered());
             // Nothing passes a half-space.
@@ -145,6 +149,11 @@ struct Ways<'a> {
 }
 
 impl Ways<'_> {
+    /// What bodies of a contact may overlap by unseen, m.
+    fn unseen(&self, contact: &Contact) -> f64 {
+        self.repetition.undetected * self.collider.contact_size(self.world, contact)
+    }
+
     /// Of the bodies of a contact that move like this.
     fn of(&self, contact: &Contact, row: &RigidContact, motion: Motion) -> Way {
         self.falling(contact, row, motion, [0.0; 2])
@@ -158,11 +167,10 @@ impl Ways<'_> {
         let size = collider.contact_size(world, contact);
         let fall = contact.unordered().map(|body| world.acceleration(body as usize));
         let fall = fall.into_iter().fold(0.0, f64::max) * step * step;
-        let least = repetition.undetected * size;
         if fall <= repetition.fallen * size {
-            self.falling(contact, row, without, [fall, least])
+            self.falling(contact, row, without, [fall, self.unseen(contact)])
         } else {
-            self.falling(contact, row, before, [0.0, least])
+            self.falling(contact, row, before, [0.0, self.unseen(contact)])
         }
     }
 
@@ -190,8 +198,7 @@ impl Ways<'_> {
             if is_jointed[body] { 0.5 * step * change.length() } else { 0.0 }
         };
         let aside: f64 = bodies.into_iter().map(bends).sum();
-        let unseen = repetition.undetected * collider.contact_size(world, contact);
-        let allowed = unseen.min(repetition.spurious * foreseen);
+        let allowed = self.unseen(contact).min(repetition.spurious * foreseen);
         let allowed = allowed.max(aside.min(0.5 * foreseen));
         let passes = collider.pass_freely(world, bodies, motion, step, &[allowed], fall)[0];
         if passes { Way::Passes } else { Way::Meets }
