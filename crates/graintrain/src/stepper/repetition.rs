@@ -213,7 +213,8 @@ impl Stepper {
             rounds.joining = self.on_the_way(world, rounds, attempt);
         }
         self.go_on()?;
-        rounds.undetected = if is_last { closed.len() } else { 0 };
+        rounds.undetected =
+            if is_last { closed.len() + self.not_returned(world, rounds, attempt) } else { 0 };
         let again = !is_last && (!closed.is_empty() || self.try_without(world, rounds, attempt));
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
         if !is_last {

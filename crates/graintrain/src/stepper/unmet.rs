@@ -48,13 +48,12 @@ enum Way {
 type Motion = [[Vec3; 2]; 2];
 
 impl Stepper {
-    /// Lets contacts go, or where there are no more of them takes those back without which bodies overlap;
-    /// whether any of both was done.
-    /// `world` is at the start of the step. Cost: a pass over the contacts; a walk along up to three motions
-    /// for each contact with force, and along one for each that was let go.
+    /// Lets contacts go, or where there are no more to let go takes those back without which bodies overlap;
+    /// whether any of both was done. `world` is at the start of the step. Cost: a pass over the contacts; a
+    /// walk along up to three motions for each contact of a pair with force, and along one for each that was
+    /// let go.
     pub(super) fn try_without(&self, world: &World, rounds: &mut Rounds, attempt: &Attempt) -> bool {
-        let is_jointed = &jointed(world);
-        let ways = self.ways(world, attempt, is_jointed);
+        let ways = self.ways(world, attempt);
         let unmet = self.unmet(world, rounds, &ways);
         if !unmet.is_empty() {
             rounds.tried.extend(unmet.iter().map(|&i| rounds.contacts[i].identity));
@@ -62,19 +61,31 @@ impl Stepper {
             leave_out(&mut rounds.contacts, &unmet);
             return true;
         }
+        let back = self.returning(rounds, &ways);
+        let are_any = !back.is_empty();
+        rounds.take(back);
+        are_any
+    }
+
+    /// Contacts that were let go without which bodies overlap, with the velocities found: they come back, or
+    /// in the last round were not detected.
+    pub(super) fn not_returned(&self, world: &World, rounds: &mut Rounds, attempt: &Attempt) -> usize {
+        self.returning(rounds, &self.ways(world, attempt)).len()
+    }
+
+    /// Takes those contacts out of those that were let go without which bodies overlap.
+    fn returning(&self, rounds: &mut Rounds, ways: &Ways<'_>) -> Vec<Contact> {
         let let_go = rounds.take_let_go();
-        let rows = contact_rows(world, &let_go);
+        let rows = contact_rows(ways.world, &let_go);
         let is_back = |(contact, row): (&Contact, &RigidContact)| {
-            let found = contact.unordered().map(|body| velocity_of(&attempt.velocity, body as usize));
+            let found = contact.unordered().map(|body| velocity_of(&ways.attempt.velocity, body as usize));
             ways.falling(contact, row, found, [0.0, ways.unseen(contact)]) == Way::Meets
         };
         let is_back: Vec<bool> = let_go.par_iter().zip(&rows).map(is_back).collect();
         let (back, gone): (Vec<_>, Vec<_>) =
             let_go.into_iter().zip(is_back).partition(|(_, is_back)| *is_back);
         rounds.let_go.extend(gone.into_iter().map(|(contact, _)| contact));
-        let any = !back.is_empty();
-        rounds.take(back.into_iter().map(|(contact, _)| contact).collect());
-        any
+        back.into_iter().map(|(contact, _)| contact).collect()
     }
 
     /// Contacts (places, ascending) that are to be let go: those not seen to meet whose bodies pass each
@@ -132,9 +143,9 @@ impl Stepper {
         found
     }
 
-    fn ways<'a>(&'a self, world: &'a World, attempt: &'a Attempt, is_jointed: &'a [bool]) -> Ways<'a> {
+    fn ways<'a>(&'a self, world: &'a World, attempt: &'a Attempt) -> Ways<'a> {
         let (collider, repetition) = (&self.collider, &self.parameters.repetition);
-        Ways { collider, repetition, step: self.settings.step, world, attempt, is_jointed }
+        Ways { collider, repetition, step: self.settings.step, world, attempt, is_jointed: jointed(world) }
     }
 }
 
@@ -145,7 +156,7 @@ struct Ways<'a> {
     step: f64,
     world: &'a World,
     attempt: &'a Attempt,
-    is_jointed: &'a [bool],
+    is_jointed: Vec<bool>,
 }
 
 impl Ways<'_> {
@@ -178,7 +189,7 @@ impl Ways<'_> {
     /// nothing. The way of what joints turn aside bends by dt^2 a / 2, a its acceleration without contacts,
     /// which is no overlap.
     fn falling(&self, contact: &Contact, row: &RigidContact, motion: Motion, [fall, least]: [f64; 2]) -> Way {
-        let &Self { collider, repetition, step, world, attempt, is_jointed } = self;
+        let &Self { collider, repetition, step, world, attempt, ref is_jointed } = self;
         let bodies = contact.unordered();
         let speed = |body: u32, arm: [f64; 3]| {
             let [u, w] = motion[usize::from(body != bodies[0])];
