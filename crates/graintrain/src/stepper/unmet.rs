@@ -29,6 +29,7 @@ use crate::world::World;
 use graintrain_ccp::RigidContact;
 use rayon::prelude::*;
 use std::collections::HashSet;
+use std::slice::from_ref;
 
 /// Bodies whose gap is below this fraction of the smaller one's size touch: without what carries it a body
 /// meets everything below it.
@@ -79,7 +80,8 @@ impl Stepper {
         let rows = contact_rows(ways.world, &let_go);
         let is_back = |(contact, row): (&Contact, &RigidContact)| {
             let found = contact.unordered().map(|body| velocity_of(&ways.attempt.velocity, body as usize));
-            ways.falling(contact, row, found, [0.0, ways.unseen(contact)]) == Way::Meets
+            let (contact, row) = (from_ref(contact), from_ref(row));
+            ways.falling(contact, row, found, [0.0, ways.unseen(contact)]) == [Way::Meets]
         };
         let is_back: Vec<bool> = let_go.par_iter().zip(&rows).map(is_back).collect();
         let (back, gone): (Vec<_>, Vec<_>) =
@@ -125,17 +127,22 @@ impl Stepper {
             let change = attempt.response(group, &own, &rows);
             let without = [0, 1].map(|side| [0, 1].map(|k| found[side][k] - change[side][k]));
             let is_held = pair(group[0]).into_iter().any(is_held);
-            let passes = |contact: &Contact, row: &RigidContact| {
-                let size = collider.contact_size(world, contact);
-                let passes = |motion| ways.of(contact, row, motion) == Way::Passes;
-                ways.without(contact, row, [without, of(&before)]) == Way::Passes
-                    || is_held
-                        && contact.gap > TOUCHING * size
-                        && (passes(of(&before)) || passes(of(&attempt.free)))
-            };
-            let all = group.iter().zip(own.iter().zip(&rows));
-            let all = all.filter(|(i, (contact, row))| may_be(i) && passes(contact, row));
-            all.map(|(&i, _)| i).collect::<Vec<usize>>()
+            let mut passes: Vec<bool> = ways
+                .without(&own, &rows, [without, of(&before)])
+                .iter()
+                .map(|&way| way == Way::Passes)
+                .collect();
+            if is_held {
+                for motion in [&before, &attempt.free] {
+                    let found = ways.falling(&own, &rows, of(motion), [0.0; 2]);
+                    for ((passes, way), contact) in passes.iter_mut().zip(found).zip(&own) {
+                        let touches = contact.gap <= TOUCHING * collider.contact_size(world, contact);
+                        *passes |= !touches && way == Way::Passes;
+                    }
+                }
+            }
+            let places = group.iter().copied().zip(passes).filter(|(i, passes)| *passes && may_be(i));
+            places.map(|(i, _)| i).collect::<Vec<usize>>()
         };
         let groups: Vec<&[usize]> = places.chunk_by(|&i, &j| pair(i) == pair(j)).collect();
         let mut found: Vec<usize> = groups.into_par_iter().flat_map_iter(passing).collect();
@@ -160,59 +167,78 @@ struct Ways<'a> {
 }
 
 impl Ways<'_> {
-    /// What bodies of a contact may overlap by unseen, m.
-    fn unseen(&self, contact: &Contact) -> f64 {
-        self.repetition.undetected * self.collider.contact_size(self.world, contact)
+    /// What two bodies with these contacts may overlap by unseen, m.
+    fn unseen(&self, contacts: &[Contact]) -> f64 {
+        self.repetition.undetected * self.collider.contact_size(self.world, &contacts[0])
     }
 
-    /// Of the bodies of a contact that move like this.
-    fn of(&self, contact: &Contact, row: &RigidContact, motion: Motion) -> Way {
-        self.falling(contact, row, motion, [0.0; 2])
-    }
-
-    /// The same without what the contacts of the two do. What a body falls in the step is allowed for: they
-    /// may have carried its weight in the place of others. Where it falls too far for that, `before` tells
-    /// instead.
-    fn without(&self, contact: &Contact, row: &RigidContact, [without, before]: [Motion; 2]) -> Way {
+    /// How two bodies go, by each of their contacts, without what these do. What a body falls in the step is
+    /// allowed for: they may have carried its weight in the place of others. Where it falls too far for that,
+    /// `before` tells instead.
+    fn without(
+        &self,
+        contacts: &[Contact],
+        rows: &[RigidContact],
+        [without, before]: [Motion; 2],
+    ) -> Vec<Way> {
         let Self { collider, repetition, step, world, .. } = self;
-        let size = collider.contact_size(world, contact);
-        let fall = contact.unordered().map(|body| world.acceleration(body as usize));
+        let fall = contacts[0].unordered().map(|body| world.acceleration(body as usize));
         let fall = fall.into_iter().fold(0.0, f64::max) * step * step;
-        if fall <= repetition.fallen * size {
-            self.falling(contact, row, without, [fall, self.unseen(contact)])
+        if fall <= repetition.fallen * collider.contact_size(world, &contacts[0]) {
+            self.falling(contacts, rows, without, [fall, self.unseen(contacts)])
         } else {
-            self.falling(contact, row, before, [0.0, self.unseen(contact)])
+            self.falling(contacts, rows, before, [0.0, self.unseen(contacts)])
         }
     }
 
-    /// The same of bodies that fall so far, m; where Phi + dt u_n comes to less than `least`, m, it tells
-    /// nothing. The way of what joints turn aside bends by dt^2 a / 2, a its acceleration without contacts,
-    /// which is no overlap.
-    fn falling(&self, contact: &Contact, row: &RigidContact, motion: Motion, [fall, least]: [f64; 2]) -> Way {
+    /// How two bodies that move like this and fall so far, m, go by each of their contacts; where Phi + dt
+    /// u_n comes to less than `least`, m, it tells nothing. The way of what joints turn aside bends by dt^2 a
+    /// / 2, a its acceleration without contacts, which is no overlap.
+    fn falling(
+        &self,
+        contacts: &[Contact],
+        rows: &[RigidContact],
+        motion: Motion,
+        [fall, least]: [f64; 2],
+    ) -> Vec<Way> {
         let &Self { collider, repetition, step, world, attempt, ref is_jointed } = self;
-        let bodies = contact.unordered();
+        let bodies = contacts[0].unordered();
         let speed = |body: u32, arm: [f64; 3]| {
             let [u, w] = motion[usize::from(body != bodies[0])];
             u + w.cross(Vec3::from_array(arm))
         };
-        let mut closing = speed(contact.body_a, row.arm_a) - speed(contact.body_b, row.arm_b);
-        if contact.image != [0; 3] {
-            closing -= cell::image_velocity(attempt.cell.as_ref(), contact);
-        }
-        let foreseen = -(contact.gap.max(0.0) + step * contact.normal.dot(closing)) - fall;
-        if foreseen <= least {
-            return Way::Apart;
-        }
+        let foreseen = |contact: &Contact, row: &RigidContact| {
+            let mut closing = speed(contact.body_a, row.arm_a) - speed(contact.body_b, row.arm_b);
+            if contact.image != [0; 3] {
+                closing -= cell::image_velocity(attempt.cell.as_ref(), contact);
+            }
+            -(contact.gap.max(0.0) + step * contact.normal.dot(closing)) - fall
+        };
         let bends = |body: u32| {
             let body = body as usize;
             let change = velocity_of(&attempt.free, body)[0] - world.bodies.velocity[body];
             if is_jointed[body] { 0.5 * step * change.length() } else { 0.0 }
         };
-        let aside: f64 = bodies.into_iter().map(bends).sum();
-        let allowed = self.unseen(contact).min(repetition.spurious * foreseen);
-        let allowed = allowed.max(aside.min(0.5 * foreseen));
-        let passes = collider.pass_freely(world, bodies, motion, step, &[allowed], fall)[0];
-        if passes { Way::Passes } else { Way::Meets }
+        let (aside, unseen) = (bodies.into_iter().map(bends).sum::<f64>(), self.unseen(contacts));
+        let mut ways = vec![Way::Apart; contacts.len()];
+        let mut barred: Vec<(usize, f64)> = Vec::new();
+        for (k, (contact, row)) in contacts.iter().zip(rows).enumerate() {
+            let foreseen = foreseen(contact, row);
+            if foreseen > least {
+                let allowed = unseen.min(repetition.spurious * foreseen);
+                barred.push((k, allowed.max(aside.min(0.5 * foreseen))));
+            }
+        }
+        barred.sort_by(|(_, a), (_, b)| a.total_cmp(b));
+        let allowed: Vec<f64> = barred.iter().map(|&(_, allowed)| allowed).collect();
+        let passes = match allowed.is_empty() {
+            true => Vec::new(),
+            false => collider.pass_freely(world, bodies, motion, step, &allowed, fall),
+        };
+        for ((k, _), passes) in barred.into_iter().zip(passes) {
+            ways[k] = if passes { Way::Passes } else { Way::Meets };
+        }
+        ways
     }
 }
 
