@@ -38,6 +38,7 @@ use crate::impact::lead_to_surfaces;
 use crate::integrate::{advance, displace};
 use crate::joint::drift;
 use crate::load;
+use crate::math::Vec3;
 use crate::overlap::Correction;
 use crate::world::World;
 use graintrain_ccp::{Ccp, CcpSolver, Ranks, SolveSettings, SolverSpec};
@@ -243,10 +244,16 @@ impl Stepper {
         Ok(rounds)
     }
 
-    /// Contacts with the planes of bodies that pass each other moved out of their way.
-    fn flown_past(&self, world: &World, contacts: &[Contact], motion: (&[f64], &[f64])) -> Vec<Contact> {
+    /// Contacts with the planes of bodies that pass each other moved out of their way ([`unmet::bends`]).
+    fn flown_past(
+        &self,
+        world: &World,
+        contacts: &[Contact],
+        motion: (&[f64], &[f64]),
+        bends: &[Vec3],
+    ) -> Vec<Contact> {
         let RepetitionParameters { undetected, spurious, .. } = self.parameters.repetition;
-        self.collider.flown_past(world, contacts, motion, self.settings.step, [undetected, spurious])
+        self.collider.flown_past(world, contacts, (motion, bends), self.settings.step, [undetected, spurious])
     }
 
     /// Moves the bodies as the solve says, removes overlap that it foresaw, closes joints, and finds the

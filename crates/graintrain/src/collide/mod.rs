@@ -55,3 +55,4 @@ pub(crate) mod union;
 
 pub use broad::Collider;
 pub use overlaps::{Overlap, deepest_overlap, meshes_that_meet};
+pub(crate) use passing::Course;

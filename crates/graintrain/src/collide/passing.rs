@@ -23,30 +23,48 @@ const CORES: [u64; 2] = [u64::MAX, u64::MAX - 1];
 /// Radius of a core over the depth of the centre.
 const CORE_SHARE: f64 = 0.9;
 
+/// How a body goes through a step of dt: x(t) = x + t (u - (1 - t / dt) c / 2), which ends at x + dt u.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Course {
+    /// u, m/s.
+    pub velocity: Vec3,
+    /// w, rad/s.
+    pub spin: Vec3,
+    /// c, by how much what turns it aside (joints) changes its velocity on the way, m/s.
+    pub bend: Vec3,
+}
+
+impl Course {
+    /// Straight on with these velocities (u, w).
+    pub(crate) fn straight([velocity, spin]: [Vec3; 2]) -> Self {
+        Self { velocity, spin, bend: Vec3::ZERO }
+    }
+}
+
 /// Points looked at for one that lies inside both bodies of a pair.
 const LOOKS: usize = 6;
 
 impl Collider {
-    /// Whether two bodies of the world that move with these velocities (u, w), as a step moves them, nowhere
-    /// overlap by more than `allowed` and what they fell till then, `fall` by the end of the step, m: for
-    /// each of these `allowed`, ascending. Looked at in so many poses that a face no more curved than the
-    /// smaller body's size is not missed; where that would take more than [`POSES`], whether they nowhere
-    /// touch.
+    /// Whether two bodies of the world that go these courses, as a step moves them, nowhere overlap by more
+    /// than `allowed` and what they fell till then, `fall` by the end of the step, m: for each of these
+    /// `allowed`, ascending. Looked at in so many poses that a face no more curved than the smaller body's
+    /// size is not missed; where that would take more than [`POSES`], whether they nowhere touch.
     pub(crate) fn pass_freely(
         &self,
         world: &World,
         pair: [u32; 2],
-        mut velocities: [[Vec3; 2]; 2],
+        mut courses: [Course; 2],
         step: f64,
         allowed: &[f64],
         fall: f64,
     ) -> Vec<bool> {
         let ([a, b], image) = self.placed_pair(world, pair);
         if let Some(cell) = world.cell().filter(|_| image != [0; 3]) {
-            velocities[1][0] += cell.image_velocity(image);
+            courses[1].velocity += cell.image_velocity(image);
         }
+        let velocities = courses.each_ref().map(|course| [course.velocity, course.spin]);
         let turn = |k: usize, form: &Collidable| {
-            let spin = velocities[k][1].length();
+            let spin = courses[k].spin.length();
             if spin == 0.0 || form.ball.is_some() { 0.0 } else { spin * form.bounding_radius }
         };
         let way = step * ((velocities[0][0] - velocities[1][0]).length() + turn(0, a.form) + turn(1, b.form));
@@ -63,11 +81,14 @@ impl Collider {
                 return false;
             }
             if poses > POSES {
+                // A touch is looked for straight on; the course leaves that by c dt / 8.
+                if courses.iter().any(|course| course.bend.length() * step > 8.0 * allowed) {
+                    return false;
+                }
                 let meet = || time_of_impact(a, b, velocities[0], velocities[1], step, 0.0).is_some();
                 return !*touch.get_or_insert_with(meet);
             }
-            let walk =
-                || overlap_on_way([a, b], velocities, step, poses.ceil().max(1.0) as u32, [most, fall]);
+            let walk = || overlap_on_way([a, b], courses, step, poses.ceil().max(1.0) as u32, [most, fall]);
             *overlap.get_or_insert_with(walk) <= allowed
         };
         allowed.iter().map(passes).collect()
@@ -165,22 +186,24 @@ impl Collider {
     /// smaller one's size, Phi + dt u_n < 0 (`u`: three numbers per contact), and they overlap on their way
     /// by no more than the fraction `allowed` of that: the plane is further off, so that it pushes only what
     /// is deflected across it. Phi + dt u_n is 0 then, and for balls, along the line of centres, so that
-    /// angular momentum stays, how near they come.
+    /// angular momentum stays, how near they come. `bends`: the [`Course::bend`] of every body; empty: none.
     pub(crate) fn flown_past(
         &self,
         world: &World,
         contacts: &[Contact],
-        (velocity, u): (&[f64], &[f64]),
+        ((velocity, u), bends): ((&[f64], &[f64]), &[Vec3]),
         step: f64,
         [seen, allowed]: [f64; 2],
     ) -> Vec<Contact> {
+        let bend = |body: u32| bends.get(body as usize).copied().unwrap_or(Vec3::ZERO);
         let pair = |contact: &Contact| [contact.body_a, contact.body_b];
         let velocities = |contact: &Contact| {
             pair(contact)
                 .map(|body| [0, 3].map(|k| Vec3::from_slice(&velocity[6 * body as usize + k..][..3])))
         };
-        let are_balls =
-            |c: &Contact| self.is_ball(world, c.body_a as usize) && self.is_ball(world, c.body_b as usize);
+        let are_balls = |c: &Contact| {
+            pair(c).into_iter().all(|body| self.is_ball(world, body as usize) && bend(body) == Vec3::ZERO)
+        };
         let past = |c: &Contact| {
             if are_balls(c) { self.balls_past(world, c, velocities(c), step) } else { *c }
         };
@@ -197,7 +220,10 @@ impl Collider {
             let least = closing.clone().map(|i| closed(i) - contacts[i].gap).reduce(f64::min);
             let passes = least.is_some_and(|least| {
                 let allowed = (allowed * least).min(seen * size);
-                self.pass_freely(world, pair(first), velocities(first), step, &[allowed], 0.0)[0]
+                let [a, b] = velocities(first).map(Course::straight);
+                let courses =
+                    [Course { bend: bend(first.body_a), ..a }, Course { bend: bend(first.body_b), ..b }];
+                self.pass_freely(world, pair(first), courses, step, &[allowed], 0.0)[0]
             });
             closing.filter(|_| passes).map(|i| (i, closed(i))).collect::<Vec<_>>()
         });
@@ -243,7 +269,7 @@ impl Collider {
 /// (`fall` by the end of the step), m; infinite as soon as it is above `most`.
 fn overlap_on_way(
     [a, b]: [Placed<'_>; 2],
-    velocities: [[Vec3; 2]; 2],
+    courses: [Course; 2],
     step: f64,
     poses: u32,
     [most, fall]: [f64; 2],
@@ -251,7 +277,10 @@ fn overlap_on_way(
     let (mut deepest, mut touches) = (f64::NEG_INFINITY, Vec::new());
     for k in 1..=poses {
         let share = f64::from(k) / f64::from(poses);
-        let [a, b] = [(a, velocities[0]), (b, velocities[1])].map(|(x, v)| advanced(x, v, share * step));
+        let [a, b] = [(a, courses[0]), (b, courses[1])].map(|(body, course)| {
+            let mean = course.velocity - 0.5 * (1.0 - share) * course.bend;
+            advanced(body, [mean, course.spin], share * step)
+        });
         if certain_overlap(a, b, most + fall * share) > most + fall * share {
             return f64::INFINITY;
         }

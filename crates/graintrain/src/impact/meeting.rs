@@ -2,6 +2,7 @@
 //! and what a body would meet after another one waits for the next pass.
 
 use super::{ImpactSolver, Motion, SAME_TIME};
+use crate::collide::Course;
 use crate::contact::Contact;
 use crate::math::Vec3;
 use crate::stepper::RepetitionParameters as Repetition;
@@ -46,7 +47,8 @@ impl ImpactSolver<'_> {
                 [0, 3].map(|k| Vec3::from_slice(&of[6 * body as usize + k..]))
             });
             let allowed: Vec<f64> = way.iter().map(|(_, _, allowed, _)| *allowed).collect();
-            let pass = self.collider.pass_freely(world, pair, velocities, step, &allowed, 0.0);
+            let pass =
+                self.collider.pass_freely(world, pair, velocities.map(Course::straight), step, &allowed, 0.0);
             passing.extend(way.iter().zip(pass).filter(|(_, pass)| *pass).map(|((.., index), _)| *index));
         }
         of.retain(|index| !passing.contains(index));

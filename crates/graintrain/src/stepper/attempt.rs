@@ -4,6 +4,7 @@
 use super::error::check_velocity;
 use super::mobility;
 use super::repetition::Rounds;
+use super::unmet::bends;
 use super::{StepError, Stepper};
 use crate::assemble::{
     OverlapCorrection, assemble, contact_rows, of_each, relative_velocities, scale_under, warm_start,
@@ -321,7 +322,7 @@ impl Stepper {
             velocity[spin.clone()].copy_from_slice(&free[spin]);
         }
         let posed = relative_velocities(world.cell(), &rounds.contacts, rows, &free);
-        let mut moved = self.flown_past(world, &rounds.contacts, (&velocity, &posed));
+        let mut moved = self.flown_past(world, &rounds.contacts, (&velocity, &posed), &bends(world, &free));
         // Where bodies meet more others than that, planes gather, or they would take turns for ever.
         let is_early = 2 * rounds.round < self.parameters.repetition.rounds;
         let mut deflected = HashSet::new();

@@ -13,6 +13,7 @@ use super::attempt::Attempt;
 use super::covered::leave_covered_out;
 use super::mobility;
 use super::placement::{Placement, Seen};
+use super::unmet::bends;
 use super::{Made, StepError, Stepper};
 use crate::assemble::{contact_rows, relative_velocities};
 use crate::cell;
@@ -359,6 +360,7 @@ impl Stepper {
         if !(0..world.bodies.len()).any(is_deflected) {
             return Vec::new();
         }
+        let bends = bends(world, &attempt.free);
         let before = Placement::of(world);
         for (body, v) in attempt.velocity.chunks_exact(6).enumerate() {
             world.bodies.velocity[body] = Vec3::from_slice(&v[..3]);
@@ -371,7 +373,7 @@ impl Stepper {
         let ahead = self.collider.meetings_of(world, &stirred, step);
         let rows = contact_rows(world, &ahead);
         let u = relative_velocities(attempt.cell.as_ref(), &ahead, &rows, &attempt.velocity);
-        let past = self.flown_past(world, &ahead, (&attempt.velocity, &u));
+        let past = self.flown_past(world, &ahead, (&attempt.velocity, &u), &bends);
         let known = identities(contacts);
         let cores = self.cores(world, contacts, &known);
         before.exchange(world);

@@ -21,7 +21,7 @@ use super::covered::leave_out;
 use super::repetition::{Parameters as Repetition, Rounds};
 use crate::assemble::{contact_rows, velocity_of};
 use crate::cell;
-use crate::collide::Collider;
+use crate::collide::{Collider, Course};
 use crate::contact::Contact;
 use crate::integrate::velocities;
 use crate::math::Vec3;
@@ -118,7 +118,11 @@ impl Stepper {
         let pair = |i: usize| contacts[i].unordered();
         let mut places: Vec<usize> = (0..contacts.len()).filter(|&i| pairs.contains(&pair(i))).collect();
         places.sort_by_key(|&i| (pair(i), i));
-        let before = velocities(world);
+        // Joints turn aside what they hold: it does not go on as before.
+        let mut before = velocities(world);
+        for (body, _) in ways.is_jointed.iter().enumerate().filter(|(_, is_jointed)| **is_jointed) {
+            before[6 * body..6 * body + 6].copy_from_slice(&attempt.free[6 * body..6 * body + 6]);
+        }
         let passing = |group: &[usize]| {
             let own: Vec<Contact> = group.iter().map(|&i| contacts[i]).collect();
             let rows = contact_rows(world, &own);
@@ -152,7 +156,16 @@ impl Stepper {
 
     fn ways<'a>(&'a self, world: &'a World, attempt: &'a Attempt) -> Ways<'a> {
         let (collider, repetition) = (&self.collider, &self.parameters.repetition);
-        Ways { collider, repetition, step: self.settings.step, world, attempt, is_jointed: jointed(world) }
+        let bends = bends(world, &attempt.free);
+        Ways {
+            collider,
+            repetition,
+            step: self.settings.step,
+            world,
+            attempt,
+            is_jointed: jointed(world),
+            bends,
+        }
     }
 }
 
@@ -164,12 +177,20 @@ struct Ways<'a> {
     world: &'a World,
     attempt: &'a Attempt,
     is_jointed: Vec<bool>,
+    /// [`bends`].
+    bends: Vec<Vec3>,
 }
 
 impl Ways<'_> {
     /// What two bodies with these contacts may overlap by unseen, m.
     fn unseen(&self, contacts: &[Contact]) -> f64 {
         self.repetition.undetected * self.collider.contact_size(self.world, &contacts[0])
+    }
+
+    /// The course of a body that ends the step with these velocities: joints turn it aside on the way as they
+    /// do without contacts.
+    fn course(&self, body: usize, [velocity, spin]: [Vec3; 2]) -> Course {
+        Course { velocity, spin, bend: self.bends.get(body).copied().unwrap_or(Vec3::ZERO) }
     }
 
     /// How two bodies go, by each of their contacts, without what these do. What a body falls in the step is
@@ -192,8 +213,7 @@ impl Ways<'_> {
     }
 
     /// How two bodies that move like this and fall so far, m, go by each of their contacts; where Phi + dt
-    /// u_n comes to less than `least`, m, it tells nothing. The way of what joints turn aside bends by dt^2 a
-    /// / 2, a its acceleration without contacts, which is no overlap.
+    /// u_n comes to less than `least`, m, it tells nothing.
     fn falling(
         &self,
         contacts: &[Contact],
@@ -201,7 +221,7 @@ impl Ways<'_> {
         motion: Motion,
         [fall, least]: [f64; 2],
     ) -> Vec<Way> {
-        let &Self { collider, repetition, step, world, attempt, ref is_jointed } = self;
+        let &Self { collider, repetition, step, world, attempt, .. } = self;
         let bodies = contacts[0].unordered();
         let speed = |body: u32, arm: [f64; 3]| {
             let [u, w] = motion[usize::from(body != bodies[0])];
@@ -214,32 +234,40 @@ impl Ways<'_> {
             }
             -(contact.gap.max(0.0) + step * contact.normal.dot(closing)) - fall
         };
-        let bends = |body: u32| {
-            let body = body as usize;
-            let change = velocity_of(&attempt.free, body)[0] - world.bodies.velocity[body];
-            if is_jointed[body] { 0.5 * step * change.length() } else { 0.0 }
-        };
-        let (aside, unseen) = (bodies.into_iter().map(bends).sum::<f64>(), self.unseen(contacts));
+        let unseen = self.unseen(contacts);
         let mut ways = vec![Way::Apart; contacts.len()];
         let mut barred: Vec<(usize, f64)> = Vec::new();
         for (k, (contact, row)) in contacts.iter().zip(rows).enumerate() {
             let foreseen = foreseen(contact, row);
             if foreseen > least {
-                let allowed = unseen.min(repetition.spurious * foreseen);
-                barred.push((k, allowed.max(aside.min(0.5 * foreseen))));
+                barred.push((k, unseen.min(repetition.spurious * foreseen)));
             }
         }
         barred.sort_by(|(_, a), (_, b)| a.total_cmp(b));
         let allowed: Vec<f64> = barred.iter().map(|&(_, allowed)| allowed).collect();
         let passes = match allowed.is_empty() {
             true => Vec::new(),
-            false => collider.pass_freely(world, bodies, motion, step, &allowed, fall),
+            false => {
+                let courses = [0, 1].map(|k| self.course(bodies[k] as usize, motion[k]));
+                collider.pass_freely(world, bodies, courses, step, &allowed, fall)
+            }
         };
         for ((k, _), passes) in barred.into_iter().zip(passes) {
             ways[k] = if passes { Way::Passes } else { Way::Meets };
         }
         ways
     }
+}
+
+/// By how much joints change the velocities of bodies on the way of a step without contacts (`free`: the
+/// velocities of that), m/s; none: empty.
+pub(super) fn bends(world: &World, free: &[f64]) -> Vec<Vec3> {
+    if world.joints().is_empty() {
+        return Vec::new();
+    }
+    let change = |body: usize| velocity_of(free, body)[0] - world.bodies.velocity[body];
+    let is_jointed = jointed(world).into_iter().enumerate();
+    is_jointed.map(|(body, is_jointed)| if is_jointed { change(body) } else { Vec3::ZERO }).collect()
 }
 
 /// Which bodies are in joints.
