@@ -149,9 +149,12 @@ pub(crate) fn to_frame(rigid: &RigidContact, v: Vec3) -> [f64; 3] {
     rigid.frame.map(|axis| Vec3::from_array(axis).dot(v))
 }
 
+/// What is slower rests, m/s: numbers near the smallest there are measure nothing.
+pub(crate) const SLOWEST: f64 = 1e-100;
+
 /// V of contacts where gravity sets none, m/s: the root mean square of |r_i| over those that do not part by
 /// themselves, r_n < mu |r_t|. In those that do, r holds Phi / dt, which grows without limit as steps get
-/// shorter. `None` where all part.
+/// shorter. `None` where all part; 1 where they are nothing ([`SLOWEST`]).
 pub(crate) fn velocity_scale(r: &[f64], friction: &[f64]) -> Option<f64> {
     let of_chunk = |range: std::ops::Range<usize>| {
         let (mut sum, mut count) = (0.0, 0.0);
@@ -165,7 +168,8 @@ pub(crate) fn velocity_scale(r: &[f64], friction: &[f64]) -> Option<f64> {
     };
     let both = |all: (f64, f64), chunk: (f64, f64)| (all.0 + chunk.0, all.1 + chunk.1);
     let (sum, count) = fold_chunks(friction.len(), (0.0, 0.0), of_chunk, both);
-    (sum > 0.0).then(|| (sum / count).sqrt())
+    let scale = (count > 0.0).then(|| (sum / count).sqrt());
+    scale.map(|scale| if scale > SLOWEST { scale } else { 1.0 })
 }
 
 /// Below this fraction of the velocities of the contacts themselves |gravity| dt is none to measure by.

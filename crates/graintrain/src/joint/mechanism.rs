@@ -43,6 +43,7 @@ use super::kinematics::{Placed, Row, coordinate, held, last};
 use super::rows::{Root, connected, length_of, made_unit, row_over};
 use super::stiffening::{Stiffening, stiffness};
 use super::{JointKind, JointState, Motor};
+use crate::assemble::SLOWEST;
 use crate::integrate::{inverse_mass, inverse_mass_in_step};
 use crate::math::{Mat3, Quat, Vec3, rotation_exponential};
 use crate::motion::Profile;
@@ -144,9 +145,6 @@ struct Solution {
 
 /// Share of the velocities themselves below which changes of them are none to measure by.
 const FAINT: f64 = 1e-6;
-
-/// What is slower rests, m/s: numbers near the smallest there are measure nothing.
-const SLOWEST: f64 = 1e-100;
 
 /// All joints of a step.
 pub(crate) struct Mechanisms<'a> {

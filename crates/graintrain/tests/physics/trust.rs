@@ -493,3 +493,24 @@ fn mixed_masses_poured_into_a_box_do_not_sink_into_each_other() {
         assert!(deepest < 0.01, "friction {friction}: {deepest}");
     }
 }
+
+/// What has come to rest without gravity, but for a rest that fades away, has converged. (Its residual was
+/// measured by velocities whose squares are no numbers, and the solve was said to stall.)
+#[test]
+fn what_fades_away_has_come_to_rest() {
+    for speed in [1e-90, 1e-110, 1e-150, 1e-158, 1e-162, 1e-170, 1e-300, 1e-322] {
+        for model in BOTH {
+            let mut world = world(0.3, 0.0);
+            world.gravity = Vec3::ZERO;
+            add_ground(&mut world, 0.0);
+            for x in [0.0, 0.3] {
+                let ball = add_sphere(&mut world, 0.1, Vec3::new(x, 0.0, 0.1));
+                world.bodies.velocity[ball] = Vec3::new(speed, 0.0, -speed);
+            }
+            let mut stepper = default_stepper(1e-3, model);
+            for _ in 0..3 {
+                solved_step(&mut stepper, &mut world);
+            }
+        }
+    }
+}
