@@ -4,6 +4,7 @@ use crate::cell::{self, Cell};
 use crate::collide::identity::PreviousContacts;
 use crate::contact::{Contact, ContactSet};
 use crate::elasticity::{bias, compliances};
+use crate::integrate::SLOWEST;
 use crate::math::{Vec3, tangents};
 use crate::turning::{frame_moment, turning, turning_velocities};
 use crate::world::World;
@@ -148,9 +149,6 @@ fn relative_velocity(contact: &Contact, rigid: &RigidContact, velocity: impl Fn(
 pub(crate) fn to_frame(rigid: &RigidContact, v: Vec3) -> [f64; 3] {
     rigid.frame.map(|axis| Vec3::from_array(axis).dot(v))
 }
-
-/// What is slower rests, m/s: numbers near the smallest there are measure nothing.
-pub(crate) const SLOWEST: f64 = 1e-100;
 
 /// V of contacts where gravity sets none, m/s: the root mean square of |r_i| over those that do not part by
 /// themselves, r_n < mu |r_t|. In those that do, r holds Phi / dt, which grows without limit as steps get

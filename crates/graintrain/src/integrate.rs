@@ -6,6 +6,9 @@ use crate::world::{FREE, World, free_degrees};
 use graintrain_ccp::BodyInverseMass;
 use rayon::prelude::*;
 
+/// What is slower rests, m/s: numbers near the smallest there are measure nothing.
+pub(crate) const SLOWEST: f64 = 1e-100;
+
 /// Bodies per parallel task.
 const TASK: usize = 1024;
 

@@ -4,6 +4,7 @@
 
 mod apart;
 mod attempt;
+mod bend;
 mod covered;
 mod error;
 mod finish;
@@ -244,7 +245,7 @@ impl Stepper {
         Ok(rounds)
     }
 
-    /// Contacts with the planes of bodies that pass each other moved out of their way ([`unmet::bends`]).
+    /// Contacts with the planes of bodies that pass each other moved out of their way ([`bend::bends`]).
     fn flown_past(
         &self,
         world: &World,

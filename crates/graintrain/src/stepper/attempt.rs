@@ -1,10 +1,10 @@
 //! The solve of a step: impacts, the contact problem with joints and periodic cell, velocities; nothing is
 //! moved.
 
+use super::bend::bends;
 use super::error::check_velocity;
 use super::mobility;
 use super::repetition::Rounds;
-use super::unmet::bends;
 use super::{StepError, Stepper};
 use crate::assemble::{
     OverlapCorrection, assemble, contact_rows, of_each, relative_velocities, scale_under, warm_start,

@@ -5,7 +5,7 @@
 //! the radius, and an exact solution of the contact stops the wheel with a force that no bearing stands. What
 //! has no mobility to rounding neither approaches nor can be pushed away, so that its force is undetermined:
 //! it is taken to be zero. What holds the bodies may let go within the step, as stops and motors do that can
-//! do no more: contacts at which they then approach return to the problem ([`super::Stepper::met`]).
+//! do no more: contacts at which they then approach return to the problem ([`super::Stepper::closed`]).
 
 use crate::math::Vec3;
 use crate::world::World;

@@ -10,10 +10,10 @@
 //! | a contact exerts force whose bodies would pass without overlap (`unmet.rs`) | it is tried without |
 
 use super::attempt::Attempt;
+use super::bend::bends;
 use super::covered::leave_covered_out;
 use super::mobility;
 use super::placement::{Placement, Seen};
-use super::unmet::bends;
 use super::{Made, StepError, Stepper};
 use crate::assemble::{contact_rows, relative_velocities};
 use crate::cell;

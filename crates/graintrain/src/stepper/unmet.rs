@@ -12,11 +12,14 @@
 //!   whether what it falls, is carried or pushed by lets it meet the other one no motion tells that is known
 //!   before the solve.
 //!
+//! What joints turn aside goes on as without contacts instead, along the course that they bend ([`bends`]).
+//!
 //! Contacts of two free balls are left alone: they have no seams, and grains that fly past each other are
 //! many.
 
 use super::Stepper;
 use super::attempt::Attempt;
+use super::bend::{bends, jointed};
 use super::covered::leave_out;
 use super::repetition::{Parameters as Repetition, Rounds};
 use crate::assemble::{contact_rows, velocity_of};
@@ -137,8 +140,11 @@ impl Stepper {
                 .map(|&way| way == Way::Passes)
                 .collect();
             if is_held {
-                for motion in [&before, &attempt.free] {
-                    let found = ways.falling(&own, &rows, of(motion), [0.0; 2]);
+                // Those of bodies in joints are the same.
+                let mut motions = vec![of(&before), of(&attempt.free)];
+                motions.dedup();
+                for motion in motions {
+                    let found = ways.falling(&own, &rows, motion, [0.0; 2]);
                     for ((passes, way), contact) in passes.iter_mut().zip(found).zip(&own) {
                         let touches = contact.gap <= TOUCHING * collider.contact_size(world, contact);
                         *passes |= !touches && way == Way::Passes;
@@ -257,24 +263,4 @@ impl Ways<'_> {
         }
         ways
     }
-}
-
-/// By how much joints change the velocities of bodies on the way of a step without contacts (`free`: the
-/// velocities of that), m/s; none: empty.
-pub(super) fn bends(world: &World, free: &[f64]) -> Vec<Vec3> {
-    if world.joints().is_empty() {
-        return Vec::new();
-    }
-    let change = |body: usize| velocity_of(free, body)[0] - world.bodies.velocity[body];
-    let is_jointed = jointed(world).into_iter().enumerate();
-    is_jointed.map(|(body, is_jointed)| if is_jointed { change(body) } else { Vec3::ZERO }).collect()
-}
-
-/// Which bodies are in joints.
-fn jointed(world: &World) -> Vec<bool> {
-    let mut is_jointed = vec![false; world.bodies.len()];
-    for body in world.joints().iter().flat_map(|placed| placed.joint.bodies.iter().flatten()) {
-        is_jointed[body.index()] = true;
-    }
-    is_jointed
 }
