@@ -112,7 +112,7 @@ fn what_joints_lead_hits_what_is_in_its_way() {
         for (step, overlap) in [(1e-2, 5e-4), (2e-2, 1e-3)] {
             let mut world = world(0.3, 0.0);
             add_fixed(&mut world, Geometry::sphere(0.1).unwrap(), Vec3::new(0.0, 0.0, -0.1), Quat::IDENTITY);
-            let (pin, angle) = (Vec3::new(0.0, 0.0, 1.1 - overlap), 1.0_f64 + phase);
+            let (pin, angle) = (Vec3::new(0.0, 0.0, 1.1 - overlap), PI / 3.0 + phase);
             let bob = add_sphere(&mut world, 0.1, pin - Vec3::new(angle.sin(), 0.0, angle.cos()));
             world.add_joint(Joint::revolute(None, BodyId::from_index(bob), pin, Vec3::Y)).unwrap();
             let mut stepper = stepper_at(step, FrictionModel::Coulomb);
