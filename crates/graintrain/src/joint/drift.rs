@@ -15,7 +15,7 @@ use super::elimination::Elimination;
 use super::kinematics::{Near, Placed, Row, coordinate, held};
 use super::rows::{Root, connected, length_of, made_unit, row_over};
 use super::stiffening::stiffness;
-use super::{JointKind, JointState};
+use super::{JointKind, JointState, Motor};
 use crate::integrate::{displace, inverse_mass};
 use crate::math::{Mat3, Vec3};
 use crate::world::World;
@@ -79,6 +79,17 @@ pub(super) fn opening(world: &World, joint: usize, near: &Near) -> f64 {
 
 /// A joint that is open by more than this share of its length does not hold.
 const OPEN: f64 = 1e-3;
+
+/// How far a motor without a limit is from the coordinate to which it turned its joint in the step, m: over a
+/// dead point joints can only be closed against it. A tenth of its way, and what counts as closed, is none:
+/// overlap is removed along joints that motors turn.
+pub(super) fn strayed(world: &World, joint: usize, along: &Row, [before, wanted]: [f64; 2]) -> f64 {
+    let Some(Motor::Speed { limit: None, .. }) = world.joints[joint].joint.motor else { return 0.0 };
+    let length = length_of(world, joint);
+    let unit = if along.angular { length } else { 1.0 };
+    let [way, off] = [before, along.value].map(|from| unit * (wanted - from).abs());
+    if off > (0.1 * way).max(OPEN * length) { off } else { 0.0 }
+}
 
 /// How far joints between bodies that can move are open at the most, m, and the joint that does not hold, if
 /// there is one: that with the largest opening over its length.

@@ -270,8 +270,21 @@ impl<'a> Mechanisms<'a> {
         ROUNDING * f64::EPSILON * size / self.step
     }
 
-    /// Makes the rows of a mechanism with motors and stops as the states say.
-    fn arrange(&self, mechanism: &mut Mechanism) {
+    /// Makes the rows of a mechanism with motors and stops as the states say, and eliminates them. Where the
+    /// step resolves the swings that they leave free it is not stiff: that would take the energy out of step.
+    fn arrange(&mut self, mechanism: &mut Mechanism) {
+        self.make_rows(mechanism);
+        mechanism.factorise(|_| true);
+        mechanism.stiffening = mechanism.stiffening();
+        if mechanism.is_stiff() && mechanism.stiffening.is_none() {
+            let none = vec![Mat3::ZERO; mechanism.bodies.len()];
+            self.stiffen_by(mechanism, none, Vec::new());
+            self.make_rows(mechanism);
+            mechanism.factorise(|_| true);
+        }
+    }
+
+    fn make_rows(&self, mechanism: &mut Mechanism) {
         let (world, step) = (self.world, self.step);
         let poses = |body: usize| world.pose(body);
         let known = std::mem::take(&mut mechanism.rows);
@@ -339,8 +352,6 @@ impl<'a> Mechanisms<'a> {
                 None => {}
             }
         }
-        mechanism.factorise(|_| true);
-        mechanism.stiffening = mechanism.stiffening();
     }
 
     /// Makes the rows of the mechanism of this number anew.
@@ -359,10 +370,16 @@ impl<'a> Mechanisms<'a> {
 
     /// Takes the stiffness of the bodies of a mechanism from the forces of its joints.
     fn stiffen(&mut self, mechanism: &mut Mechanism) {
-        mechanism.roots = mechanism.bare.iter().map(|(root, _)| *root).collect();
+        let bare: Vec<Root> = mechanism.bare.iter().map(|(root, _)| *root).collect();
         let held = (mechanism.joints.as_slice(), mechanism.forces.as_slice());
-        let bodies = (mechanism.bodies.as_slice(), mechanism.roots.as_slice());
+        let bodies = (mechanism.bodies.as_slice(), bare.as_slice());
         let (swings, taut) = stiffness(self.world, bodies, held, 0.25 * self.step * self.step);
+        self.stiffen_by(mechanism, swings, taut);
+    }
+
+    /// Makes the bodies and rods of a mechanism as stiff as that ([`stiffness`]).
+    fn stiffen_by(&mut self, mechanism: &mut Mechanism, swings: Vec<Mat3>, taut: Vec<(usize, f64)>) {
+        mechanism.roots = mechanism.bare.iter().map(|(root, _)| *root).collect();
         mechanism.taut = taut;
         let bodies = mechanism.bodies.iter().zip(&mechanism.bare).zip(&swings);
         for (((&body, &(_, mut turn)), &swing), root) in bodies.zip(&mut mechanism.roots) {

@@ -347,7 +347,7 @@ pub struct JointState {
     pub drive: f64,
     /// How far it is open at the end of the step, m: the largest value of the rows that it holds and the way
     /// beyond its limits, angles times the joint's length (the longer of its arms and its bodies' radii of
-    /// gyration).
+    /// gyration); and the way that other joints kept a motor without a limit from making, where that is far.
     pub opening: f64,
     /// Whether the motor was at its limit: sign of the force.
     pub(crate) saturated: i8,
@@ -465,7 +465,9 @@ impl World {
         for (index, state) in states.iter().enumerate() {
             let along = kinematics::coordinate(&self.joints, index, &|body| self.pose(body), &near);
             let before = self.joints[index].state.coordinate;
-            let opening = drift::opening(self, index, &near);
+            let strayed =
+                along.as_ref().map_or(0.0, |along| drift::strayed(self, index, along, [before, near(index)]));
+            let opening = drift::opening(self, index, &near).max(strayed);
             self.joints[index].state =
                 JointState { coordinate: along.map_or(before, |along| along.value), opening, ..*state };
         }

@@ -306,7 +306,7 @@ impl Stepper {
         } else {
             open.map(|joint| {
                 let opening = world.joints()[joint].state.opening;
-                format!("{} is open by {opening:.1e} m", world.joint_label(joint))
+                format!("{} is open, or its motor held up, by {opening:.1e} m", world.joint_label(joint))
             })
         };
         if remark.is_some() && solve.status == Status::Converged {

@@ -644,6 +644,33 @@ fn a_pendulum_in_long_steps_gains_no_energy() {
     }
 }
 
+/// A pendulum and a heavy gyroscope that are let go level, with arms 14 times their own swing: what bodies
+/// alone would swing too fast for the step, and their joints slow down, keeps its energy for a minute.
+#[test]
+fn what_a_step_resolves_is_not_stiffened() {
+    for (step, spin) in [(1e-2, 0.0), (3e-2, 0.0), (1e-2, 30.0), (2e-2, 24.0)] {
+        let mut world = earth();
+        let disc = lump(&mut world, Vec3::new(0.2, 0.0, 0.0), 1.0, Vec3::new(0.005, 0.0025, 0.0025));
+        world.bodies.angular_velocity[disc.index()] = spin * Vec3::X;
+        let hinge = Joint::revolute(None, disc, Vec3::ZERO, Vec3::Y);
+        let joint = if spin == 0.0 { hinge } else { Joint::spherical(None, disc, Vec3::ZERO) };
+        world.add_joint(joint).unwrap();
+        let mut stepper = stepper(step, FrictionModel::Coulomb);
+        let steps = (60.0 / step) as usize;
+        let start = 0.5 * 0.005 * spin * spin;
+        let (mut early, mut late) = (0.0_f64, 0.0_f64);
+        for n in 0..steps {
+            let before = world.bodies.position[disc.index()].z;
+            let kinetic = stepper.step(&mut world).unwrap().kinetic_energy;
+            let height = 0.5 * (before + world.bodies.position[disc.index()].z);
+            let error = (kinetic + GRAVITY * height - start).abs();
+            let most = if 4 * n < steps { &mut early } else { &mut late };
+            *most = most.max(error);
+        }
+        assert!(late < 1.02 * early && early < 0.15, "{step} {spin}: {early} {late}");
+    }
+}
+
 /// A disc on a tilted plane that a planar joint keeps it in, held off its centre: the centre falls along the
 /// plane as a free body does, and the disc turns as its motor says, about the normal alone.
 #[test]

@@ -113,8 +113,8 @@ fn stops_hold_and_let_go() {
     }
 }
 
-/// A motor without a limit turns a crank whose linkage does not let it go round: at the dead point joints
-/// would have to hold by forces without bounds. The step says so, and the next ones go on.
+/// A motor without a limit turns a crank whose linkage does not let it go round: at the dead point joints can
+/// only be closed against it. The step says so, and the next ones go on.
 #[test]
 fn a_motor_at_a_dead_point_is_reported() {
     let mut world = earth();
@@ -130,15 +130,19 @@ fn a_motor_at_a_dead_point_is_reported() {
     let mut stepper = stepper(5e-3, FrictionModel::Coulomb);
     let mut remarks = Vec::new();
     for _ in 0..400 {
+        let before = world.joints()[0].state.coordinate;
         let report = stepper.step(&mut world).unwrap();
-        if report.solve.status != Status::Converged {
+        let turned = world.joints()[0].state.coordinate - before;
+        if report.solve.status == Status::Converged {
+            assert!((turned - 5e-3 * 2.0).abs() < 1.1e-3, "{turned}");
+        } else {
             remarks.push(report.solve.remark.unwrap());
         }
         let fastest = world.bodies.velocity.iter().map(|v| v.length()).fold(0.0, f64::max);
         assert!(fastest < 1e3, "{fastest}");
     }
-    assert!((1..40).contains(&remarks.len()), "{remarks:?}");
-    assert!(remarks.iter().all(|remark| remark.contains("beyond all bounds")), "{remarks:?}");
+    assert!((1..80).contains(&remarks.len()), "{remarks:?}");
+    assert!(remarks.iter().all(|remark| remark.contains("motor")), "{remarks:?}");
 }
 
 #[test]
