@@ -72,6 +72,10 @@ pub(super) const ABOVE: f64 = 0.03;
 /// Below [`ABOVE`] the path gets one part in so many of what a limit leaves.
 const NEAR_PART: usize = 8;
 
+/// Contacts up to which methods of second order lead to a solution for what 300 + 100 n iterations cost:
+/// first-order methods get as much before them.
+const SMALL: usize = 16;
+
 /// Iterations of a turn where there are so many for the race.
 fn turn(share: usize) -> usize {
     let (part, [least, most]) = TURN;
@@ -304,6 +308,8 @@ impl CcpSolver for Cascade {
         let limits = Limits::start(settings, usize::MAX);
         let is_exact = friction == FrictionModel::Coulomb;
         let mut course = Course::new(impulse, self.members.len(), table.len());
+        let contacts = problem.num_contacts();
+        let is_small = contacts <= SMALL && self.members.len() > 1;
         let last = table.iter().rposition(|stage| !matches!(stage.task, Task::Finish | Task::Proof));
         for (place, stage) in table.iter().enumerate() {
             let gets_all = Some(place) == last || stage.most == usize::MAX;
@@ -316,8 +322,13 @@ impl CcpSolver for Cascade {
                 Task::Proof if residual <= infeasible::GOOD_ENOUGH || is_limited && is_near => 0,
                 Task::Proof => course.left(&limits).max(settings.finish),
                 _ if gets_all => course.left(&limits),
+                _ if is_small && (place == 0 || stage.task == Task::Afresh) => {
+                    (300 + 100 * contacts).min(course.left(&limits))
+                }
                 // A factorisation costs what hundreds of iterations do, of which few are missing.
-                Task::Solve if is_exact && is_limited && is_near => course.left(&limits) / NEAR_PART,
+                Task::Solve if is_exact && is_limited && is_near && !is_small => {
+                    course.left(&limits) / NEAR_PART
+                }
                 _ => course.left(&limits).div_ceil(2),
             };
             let share = share.min(stage.most);
