@@ -197,7 +197,7 @@ quantities! {
         penetration_max_over_radius: f64 = max, penetration_final_over_radius: f64 = last;
     overlap_corrected: "m", "largest overlap that displacements worked on", |r| r.overlap_corrected_max;
         overlap_corrected_max: f64 = max;
-    joint_opening: "m", "largest opening of a joint at the end of the step; what holds up its motor counts", |r| r.errors.joint_opening_max;
+    joint_opening: "m", "largest opening of a joint, or way that its motor missed", |r| r.errors.joint_opening_max;
         joint_opening_max: f64 = max;
     momentum_lost: "1", "largest share of its angular momentum that a body beyond 1 rad per step changed by without a torque", |r| r.errors.momentum_lost_max;
         momentum_lost: f64 = sum;

@@ -323,7 +323,7 @@ impl CcpSolver for Cascade {
                 Task::Proof => course.left(&limits).max(settings.finish),
                 _ if gets_all => course.left(&limits),
                 _ if is_small && (place == 0 || stage.task == Task::Afresh) => {
-                    (300 + 100 * contacts).min(course.left(&limits))
+                    (300 + 100 * contacts).min(course.left(&limits).div_ceil(2))
                 }
                 // A factorisation costs what hundreds of iterations do, of which few are missing.
                 Task::Solve if is_exact && is_limited && is_near && !is_small => {

@@ -83,11 +83,11 @@ const OPEN: f64 = 1e-3;
 /// How far a motor without a limit is from the coordinate to which it turned its joint in the step, m: over a
 /// dead point joints can only be closed against it. A tenth of its way, and what counts as closed, is none:
 /// overlap is removed along joints that motors turn.
-pub(super) fn strayed(world: &World, joint: usize, along: &Row, [before, wanted]: [f64; 2]) -> f64 {
+pub(super) fn strayed(world: &World, joint: usize, along: &Row, [before, expected]: [f64; 2]) -> f64 {
     let Some(Motor::Speed { limit: None, .. }) = world.joints[joint].joint.motor else { return 0.0 };
     let length = length_of(world, joint);
     let unit = if along.angular { length } else { 1.0 };
-    let [way, off] = [before, along.value].map(|from| unit * (wanted - from).abs());
+    let [way, off] = [before, along.value].map(|from| unit * (expected - from).abs());
     if off > (0.1 * way).max(OPEN * length) { off } else { 0.0 }
 }
 

@@ -271,17 +271,33 @@ impl<'a> Mechanisms<'a> {
     }
 
     /// Makes the rows of a mechanism with motors and stops as the states say, and eliminates them. Where the
-    /// step resolves the swings that they leave free it is not stiff: that would take the energy out of step.
+    /// step resolves the swings that its joints leave free it is not stiff: stiffness that comes and goes
+    /// with the forces makes energy.
     fn arrange(&mut self, mechanism: &mut Mechanism) {
         self.make_rows(mechanism);
-        mechanism.factorise(|_| true);
-        mechanism.stiffening = mechanism.stiffening();
-        if mechanism.is_stiff() && mechanism.stiffening.is_none() {
+        if mechanism.is_stiff() && self.resolves(mechanism) {
             let none = vec![Mat3::ZERO; mechanism.bodies.len()];
             self.stiffen_by(mechanism, none, Vec::new());
             self.make_rows(mechanism);
-            mechanism.factorise(|_| true);
         }
+        mechanism.factorise(|_| true);
+        mechanism.stiffening = mechanism.stiffening();
+    }
+
+    /// Whether the step resolves the swings of a mechanism that is held by what does not let go: not by stops
+    /// and motors with a limit, which would hold light links against all that pulls at them.
+    fn resolves(&self, mechanism: &mut Mechanism) -> bool {
+        let rows = mechanism.rows.clone();
+        mechanism.factorise(|row| match row.role {
+            Role::Stop => false,
+            Role::Motor => {
+                matches!(self.world.joints[row.joint].joint.motor, Some(Motor::Speed { limit: None, .. }))
+            }
+            Role::Held(_) | Role::Spring | Role::Taut(_) => true,
+        });
+        let resolves = mechanism.stiffening().is_none();
+        mechanism.rows = rows;
+        resolves
     }
 
     fn make_rows(&self, mechanism: &mut Mechanism) {

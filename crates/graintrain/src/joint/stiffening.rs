@@ -31,13 +31,14 @@
 //! resolved, and 1), they are damped by
 //!
 //! ```text
-//! Y^T (M + kappa) (v+ - v) = -S^2 Y^T kappa (3 v+ + v-)
+//! Y^T (M + kappa) (v+ - v) = -D Y^T kappa (3 v+ + v-),     D = S^2 q^4 / (1 + q^4),     q = 8 S
 //! ```
 //!
-//! with v from the equation before: where S is 1 this is implicit Euler, and the swing is over in one step. A
-//! swing, or a bob whirled on a joint, with dt times its rate of 0.7 loses nothing of itself in a step, one
-//! of 1 1.6 %, one of 2 20 %. With S^4 in the place of S^2 it gains: random mechanisms of one to five bodies
-//! up to twice the energy that they have in 30 s at 10 and 20 ms, here 1 %.
+//! with v from the equation before: where S is 1 this is next to implicit Euler, and the swing is over in one
+//! step. A swing, or a bob whirled on a joint, with dt times its rate of 0.4 loses 1e-6 of itself in a step,
+//! one of 0.6 2e-4, one of 1 1.4 %, one of 2 20 %; nothing below 0.7, unless faster ones are beside it. With
+//! D = S^4 random mechanisms of one to five bodies gain up to twice the energy that they have in 30 s at 10
+//! and 20 ms, here 4 %; with S^2 alone those of 0.4 lose 6e-5.
 //!
 //! Source: M. Tournier, M. Nesme, B. Gilles, F. Faure, "Stable constrained dynamics", ACM Transactions on
 //! Graphics 34(4):132, 2015, there with an implicit step, which damps; the mean: N. M. Newmark, "A method of
@@ -50,7 +51,8 @@ use super::rows::{Root, row_over};
 use crate::math::{Mat3, Vec3};
 use crate::world::World;
 
-/// Swings with (dt rate)^2 below this are left alone.
+/// Mechanisms all of whose swings, as the root of the sum of their squares, have a (dt rate)^2 below this are
+/// left alone.
 const RESOLVED: f64 = 0.5;
 
 /// The restoring stiffness of a force at an arm, N m/rad.
@@ -107,9 +109,9 @@ pub(super) struct Stiffening {
     pub motions: Vec<Vec<f64>>,
     /// Turns of every body in each of them.
     pub turns: Vec<Vec<Vec3>>,
-    /// S^2, by rows.
+    /// D, by rows.
     damping: Vec<f64>,
-    /// Cholesky factor of 1 + 3 S^3.
+    /// Cholesky factor of 1 + 3 S D.
     factor: Lower,
 }
 
@@ -165,7 +167,7 @@ fn product(a: &[f64], b: &[f64], degrees: usize) -> Vec<f64> {
 
 impl Stiffening {
     /// With the free motions, their turns (rad/s per unit, one per body), kappa of every body and the
-    /// coordinates of taut rods. `None` where the step resolves all swings. Cost: two products of square
+    /// coordinates of taut rods. `None` where the step resolves all swings. Cost: six products of square
     /// matrices of as many rows as there are motions.
     pub(super) fn new(
         motions: Vec<Vec<f64>>,
@@ -187,14 +189,24 @@ impl Stiffening {
         if 4.0 * size <= RESOLVED {
             return None;
         }
-        let damping = product(&share, &share, degrees);
-        let cube = product(&share, &damping, degrees);
         let unit = |at: usize| f64::from(u8::from(at / degrees == at % degrees));
-        let whole: Vec<f64> = cube.iter().enumerate().map(|(at, d)| unit(at) + 3.0 * d).collect();
+        let square = product(&share, &share, degrees);
+        // q^4, and 1 + q^4.
+        let scaled: Vec<f64> = square.iter().map(|x| x * (4.0 / RESOLVED).powi(2)).collect();
+        let fourth = product(&scaled, &scaled, degrees);
+        let more: Vec<f64> = fourth.iter().enumerate().map(|(at, x)| unit(at) + x).collect();
+        let lower = Lower::of(&more, degrees);
+        let mut damping = product(&square, &fourth, degrees);
+        damping.chunks_exact_mut(degrees).for_each(|row| {
+            lower.forward(row);
+            lower.backward(row);
+        });
+        let along = product(&share, &damping, degrees);
+        let whole: Vec<f64> = along.iter().enumerate().map(|(at, d)| unit(at) + 3.0 * d).collect();
         Some(Self { motions, turns, damping, factor: Lower::of(&whole, degrees) })
     }
 
-    /// x <- L^-1 x with L L^T = 1 + 3 S^3.
+    /// x <- L^-1 x with L L^T = 1 + 3 S D.
     pub(super) fn forward(&self, x: &mut [f64]) {
         self.factor.forward(x);
     }
@@ -259,8 +271,8 @@ mod tests {
             assert_eq!(is_kept, loss == 0.0, "{rate} {determinant}");
             assert!(determinant > (1.0 - loss).powi(2) - 1e-15 && determinant < 1.0 + 1e-15);
             if rate > 100.0 {
-                assert!(a.iter().chain(&b).all(|x| x.abs() < 1e-4 || (x + 1.0).abs() < 1e-4), "{a:?} {b:?}");
-                assert!(a[0].abs() < 1e-4 && b[0].abs() < 1e-4, "{a:?} {b:?}");
+                assert!(a.iter().chain(&b).all(|x| x.abs() < 3e-4 || (x + 1.0).abs() < 3e-4), "{a:?} {b:?}");
+                assert!(a[0].abs() < 3e-4 && b[0].abs() < 3e-4, "{a:?} {b:?}");
             }
         }
     }
@@ -273,6 +285,11 @@ mod tests {
         let entry = |power: i32, i: usize, j: usize| -> f64 {
             (0..2).map(|k| axes[k][i] * axes[k][j] * shares[k].powi(power)).sum()
         };
+        // D S^power.
+        let damped = |power: i32, i: usize, j: usize| -> f64 {
+            let of = |s: f64| s.powi(2 + power) * (8.0 * s).powi(4) / (1.0 + (8.0 * s).powi(4));
+            (0..2).map(|k| axes[k][i] * axes[k][j] * of(shares[k])).sum()
+        };
         let stiffness = Mat3::from_cols(
             Vec3::new(entry(1, 0, 0), entry(1, 1, 0), 0.0),
             Vec3::new(entry(1, 0, 1), entry(1, 1, 1), 0.0),
@@ -283,8 +300,8 @@ mod tests {
         let spins = [0.4, -1.1];
         let change = own.damped(&spins);
         for i in 0..2 {
-            let left: f64 = (0..2).map(|j| 3.0 * entry(3, i, j) * change[j]).sum::<f64>() + change[i];
-            let right: f64 = -(0..2).map(|j| entry(2, i, j) * spins[j]).sum::<f64>();
+            let left: f64 = (0..2).map(|j| 3.0 * damped(1, i, j) * change[j]).sum::<f64>() + change[i];
+            let right: f64 = -(0..2).map(|j| damped(0, i, j) * spins[j]).sum::<f64>();
             assert!((left - right).abs() < 1e-13, "{left} {right}");
         }
     }

@@ -11,8 +11,8 @@ use crate::contact::{Contact, ContactSet};
 use crate::elasticity;
 use crate::impact::Impacts;
 use crate::integrate::{displace, inverse_mass, velocities};
-use crate::joint::drift;
 use crate::joint::mechanism::coupled_in_impacts;
+use crate::joint::{Motor, PlacedJoint, drift};
 use crate::load;
 use crate::math::Vec3;
 use crate::measure::energy;
@@ -305,8 +305,10 @@ impl Stepper {
             Some(format!("impacts were left at residual {left:.1e}"))
         } else {
             open.map(|joint| {
-                let opening = world.joints()[joint].state.opening;
-                format!("{} is open, or its motor held up, by {opening:.1e} m", world.joint_label(joint))
+                let PlacedJoint { joint: own, state, .. } = &world.joints()[joint];
+                let has_drive = matches!(own.motor, Some(Motor::Speed { limit: None, .. }));
+                let held_up = if has_drive { ", or its motor held up," } else { "" };
+                format!("{} is open{held_up} by {:.1e} m", world.joint_label(joint), state.opening)
             })
         };
         if remark.is_some() && solve.status == Status::Converged {

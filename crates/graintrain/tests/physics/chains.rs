@@ -284,3 +284,29 @@ fn a_load_on_a_taut_rod_travels_with_its_carrier() {
     let off = world.bodies.velocity[load.index()] - speed;
     assert!(off.length() < 1e-9, "{off}");
 }
+
+/// Two light links with stops hold 2 t that move up along them: where a stop would hold a link against all
+/// that pulls at it, the link is as stiff as before, and nobody is thrown.
+#[test]
+fn light_links_with_stops_hold_a_heavy_weight() {
+    for step in [1e-3, 1e-2] {
+        let mut world = earth();
+        let link = Vec3::new(1.7e-3, 1.7e-3, 3e-4);
+        let bodies = [(0.1, 0.5, link, 3.0), (0.3, 0.5, link, -3.0), (0.7, 2e3, Vec3::splat(40.0), 1.0)];
+        let mut above = None;
+        for (k, (depth, mass, inertia, spin)) in bodies.into_iter().enumerate() {
+            let body = lump(&mut world, Vec3::new(0.0, 0.0, -depth), mass, inertia);
+            world.bodies.angular_velocity[body.index()] = spin * Vec3::Y;
+            let pin = Vec3::new(0.0, 0.0, -0.2 * k as f64);
+            let hinge = Joint::revolute(above, body, pin, Vec3::Y).with_limits(Some(-0.7), Some(0.7));
+            world.add_joint(hinge).unwrap();
+            above = Some(body);
+        }
+        world.bodies.velocity[above.unwrap().index()] = Vec3::Z;
+        let mut stepper = stepper(step, FrictionModel::Coulomb);
+        for n in 0..(1.0 / step) as usize {
+            let report = stepper.step(&mut world).unwrap();
+            assert!(report.kinetic_energy < 1e3, "{step} s, step {n}: {}", report.kinetic_energy);
+        }
+    }
+}

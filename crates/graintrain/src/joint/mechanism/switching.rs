@@ -156,10 +156,14 @@ impl Mechanisms<'_> {
         mechanism.is_foreseen = false;
         mechanism.forces = pulls.into_iter().map(|(force, ..)| force).collect();
         self.stiffen(&mut mechanism);
-        let changes = was_stiff || mechanism.is_stiff();
-        if changes {
+        if was_stiff || mechanism.is_stiff() {
+            let corrected = mechanism.corrected.take();
             self.arrange(&mut mechanism);
+            if !(was_stiff || mechanism.is_stiff()) {
+                mechanism.corrected = corrected;
+            }
         }
+        let changes = was_stiff || mechanism.is_stiff();
         self.mechanisms[index] = mechanism;
         changes
     }
