@@ -310,7 +310,6 @@ fn mechanisms_gain_no_energy() {
         for step in [1e-2, 2e-2] {
             let (means, _) = trace(seed, step);
             let rise = means.iter().fold(0.0_f64, |rise, mean| rise.max((mean - means[0]) / most));
-            println!("{seed} {step} {rise:.4}");
             assert!(rise < 0.06, "seed {seed}, {step} s: {rise:.3}");
         }
     }

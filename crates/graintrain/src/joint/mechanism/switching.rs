@@ -156,14 +156,15 @@ impl Mechanisms<'_> {
         mechanism.is_foreseen = false;
         mechanism.forces = pulls.into_iter().map(|(force, ..)| force).collect();
         self.stiffen(&mut mechanism);
+        let mut changes = was_stiff;
         if was_stiff || mechanism.is_stiff() {
             let corrected = mechanism.corrected.take();
             self.arrange(&mut mechanism);
-            if !(was_stiff || mechanism.is_stiff()) {
+            changes |= mechanism.is_stiff();
+            if !changes {
                 mechanism.corrected = corrected;
             }
         }
-        let changes = was_stiff || mechanism.is_stiff();
         self.mechanisms[index] = mechanism;
         changes
     }
