@@ -130,7 +130,8 @@ impl World {
 
     /// What the joints did in the last step, one dictionary each: name, coordinate (m or rad, angles count
     /// whole turns), rate, force and torque on the body (N, N m, world axes), drive (force of motor, spring
-    /// and stops along the coordinate), opening (m, how far it is open).
+    /// and stops along the coordinate), opening (m, how far it is open, or its motor
+    /// held up).
     #[getter]
     fn joints<'py>(&mut self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let describe = |placed: &graintrain::joint::PlacedJoint| {

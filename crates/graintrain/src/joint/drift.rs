@@ -15,7 +15,7 @@ use super::elimination::Elimination;
 use super::kinematics::{Near, Placed, Row, coordinate, held};
 use super::rows::{Root, connected, length_of, made_unit, row_over};
 use super::stiffening::stiffness;
-use super::{JointKind, JointState, Motor};
+use super::{JointKind, JointState};
 use crate::integrate::{displace, inverse_mass};
 use crate::math::{Mat3, Vec3};
 use crate::world::World;
@@ -84,7 +84,9 @@ const OPEN: f64 = 1e-3;
 /// dead point joints can only be closed against it. A tenth of its way, and what counts as closed, is none:
 /// overlap is removed along joints that motors turn.
 pub(super) fn strayed(world: &World, joint: usize, along: &Row, [before, expected]: [f64; 2]) -> f64 {
-    let Some(Motor::Speed { limit: None, .. }) = world.joints[joint].joint.motor else { return 0.0 };
+    if !world.joints[joint].joint.is_driven() {
+        return 0.0;
+    }
     let length = length_of(world, joint);
     let unit = if along.angular { length } else { 1.0 };
     let [way, off] = [before, along.value].map(|from| unit * (expected - from).abs());

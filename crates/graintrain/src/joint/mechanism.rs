@@ -290,9 +290,7 @@ impl<'a> Mechanisms<'a> {
         let rows = mechanism.rows.clone();
         mechanism.factorise(|row| match row.role {
             Role::Stop => false,
-            Role::Motor => {
-                matches!(self.world.joints[row.joint].joint.motor, Some(Motor::Speed { limit: None, .. }))
-            }
+            Role::Motor => self.world.joints[row.joint].joint.is_driven(),
             Role::Held(_) | Role::Spring | Role::Taut(_) => true,
         });
         let resolves = mechanism.stiffening().is_none();
@@ -300,6 +298,7 @@ impl<'a> Mechanisms<'a> {
         resolves
     }
 
+    /// The rows of a mechanism, not eliminated; how paths bent stays with those that there were.
     fn make_rows(&self, mechanism: &mut Mechanism) {
         let (world, step) = (self.world, self.step);
         let poses = |body: usize| world.pose(body);
@@ -742,10 +741,7 @@ pub(crate) fn coupled_in_impacts(world: &World, velocity: &mut [f64], step: f64)
         mechanism.pushed.clear();
         mechanism.factorise(|row| match row.role {
             Role::Held(_) => true,
-            Role::Motor => {
-                let motor = &world.joints[row.joint].joint.motor;
-                matches!(motor, Some(Motor::Speed { limit: None, .. }))
-            }
+            Role::Motor => world.joints[row.joint].joint.is_driven(),
             Role::Stop | Role::Spring | Role::Taut(_) => false,
         });
     }

@@ -141,6 +141,11 @@ pub struct Joint {
 }
 
 impl Joint {
+    /// Whether a motor without a limit moves it, whatever force that takes.
+    pub(crate) fn is_driven(&self) -> bool {
+        matches!(self.motor, Some(Motor::Speed { limit: None, .. }))
+    }
+
     /// A joint of this kind between two bodies, or a body and the world, without motor, spring or limits.
     pub fn new(bodies: [Option<BodyId>; 2], kind: JointKind) -> Self {
         Self { name: String::new(), bodies, kind, motor: None, spring: None, limits: None, collide: false }

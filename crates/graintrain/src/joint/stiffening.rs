@@ -31,7 +31,8 @@
 //! resolved, and 1), they are damped by
 //!
 //! ```text
-//! Y^T (M + kappa) (v+ - v) = -D Y^T kappa (3 v+ + v-),     D = S^2 q^4 / (1 + q^4),     q = 8 S
+//! Y^T (M + kappa) (v+ - v) = -D Y^T kappa (3 v+ + v-),
+//! D = S^2 q^4 / (1 + q^4),     q = 4 S / RESOLVED = 8 S
 //! ```
 //!
 //! with v from the equation before: where S is 1 this is next to implicit Euler, and the swing is over in one

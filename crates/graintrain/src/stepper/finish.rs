@@ -12,7 +12,7 @@ use crate::elasticity;
 use crate::impact::Impacts;
 use crate::integrate::{displace, inverse_mass, velocities};
 use crate::joint::mechanism::coupled_in_impacts;
-use crate::joint::{Motor, PlacedJoint, drift};
+use crate::joint::{PlacedJoint, drift};
 use crate::load;
 use crate::math::Vec3;
 use crate::measure::energy;
@@ -306,8 +306,7 @@ impl Stepper {
         } else {
             open.map(|joint| {
                 let PlacedJoint { joint: own, state, .. } = &world.joints()[joint];
-                let has_drive = matches!(own.motor, Some(Motor::Speed { limit: None, .. }));
-                let held_up = if has_drive { ", or its motor held up," } else { "" };
+                let held_up = if own.is_driven() { ", or its motor held up," } else { "" };
                 format!("{} is open{held_up} by {:.1e} m", world.joint_label(joint), state.opening)
             })
         };
