@@ -1,11 +1,14 @@
 //! The cone complementarity problem: N, r, mu.
 
 use crate::cone::{FrictionCone, TurningCone, tangential_length};
-use crate::delassus::{Delassus, DelassusWork, RigidDelassus};
+use crate::delassus::{Delassus, DelassusIdentity, DelassusWork, RigidDelassus};
 use graintrain_linalg::block3::PatternError;
 use graintrain_linalg::parallel::axpy;
 use rayon::prelude::*;
 use std::sync::Arc;
+
+/// N of bodies as a matrix, and of which N it is.
+pub type KnownMatrix = Option<(DelassusIdentity, Arc<Delassus>)>;
 
 /// Contacts per parallel task.
 const TASK: usize = 4096;
@@ -339,15 +342,25 @@ impl Ccp {
     }
 
     /// The same problem with N as a matrix, which every solver takes, where these are bodies that `asks` for
-    /// it.
-    pub fn as_matrix_if(&self, asks: impl FnOnce(&RigidDelassus) -> bool) -> Option<Self> {
-        match &*self.delassus {
-            Delassus::Rigid(rigid) if asks(rigid) => {
-                let delassus = Arc::new(Delassus::Sparse(rigid.assemble()));
-                Some(Self { delassus, ..self.clone() })
-            }
-            _ => None,
+    /// it; the one `known` where it is of this N.
+    pub fn as_matrix_if(
+        &self,
+        asks: impl FnOnce(&RigidDelassus) -> bool,
+        known: &mut KnownMatrix,
+    ) -> Option<Self> {
+        let Delassus::Rigid(rigid) = &*self.delassus else { return None };
+        if !asks(rigid) {
+            return None;
         }
+        let delassus = match known {
+            Some((of, matrix)) if of.is(&self.delassus) => Arc::clone(matrix),
+            _ => {
+                let matrix = Arc::new(Delassus::Sparse(rigid.assemble()));
+                *known = Some((DelassusIdentity::of(&self.delassus), Arc::clone(&matrix)));
+                matrix
+            }
+        };
+        Some(Self { delassus, ..self.clone() })
     }
 
     /// eta_i = trace(N_ii) / 3 of every contact, 1/kg; contacts between immovable bodies get the smallest

@@ -295,7 +295,9 @@ impl SolverSpec {
             (Method::Ipm, None) => return Ok(Box::new(Cascade::interior_point())),
             // It treats exact friction itself, and what it cannot solve no sequence of relaxed problems
             // solved by it can.
-            (Method::PathFollowing, _) => return Ok(Box::new(PathFollowing::default())),
+            (Method::PathFollowing, _) => {
+                return Ok(Box::new(Cascade::of_exact(Box::new(PathFollowing::default()))));
+            }
             (Method::Ipm, Some(linear)) => Box::new(Ipm::with_solver(linear.build()?)),
             (method, linear) => of_paper(method, linear.unwrap_or(LinearMethod::Cholesky))?,
         };

@@ -326,9 +326,7 @@ impl ImpactSolver<'_> {
             stop: self.stop.clone(),
             ..SolveSettings::default()
         };
-        // A cell's bodies are not coupled otherwise, and the solver takes it as one more.
-        let matrix = problem.as_matrix_if(|rigid| !rigid.is_plain() && rigid.cell().is_none());
-        let report = self.solver.solve(matrix.as_ref().unwrap_or(problem), &mut g, &settings)?;
+        let report = self.solver.solve(problem, &mut g, &settings)?;
         found.residual = found.residual.worse(report.residual);
         Ok((report.status != Status::Stopped).then_some(g))
     }

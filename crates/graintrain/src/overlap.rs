@@ -299,8 +299,7 @@ impl Gaps<'_> {
             ..SolveSettings::default()
         };
         let mut multiplier = vec![0.0; problem.r.len()];
-        let matrix = problem.as_matrix_if(|rigid| !rigid.is_plain());
-        let solved = solver.solve(matrix.as_ref().unwrap_or(&problem), &mut multiplier, &settings);
+        let solved = solver.solve(&problem, &mut multiplier, &settings);
         if solved.is_ok_and(|report| report.status != Status::Stopped) {
             let mut work = problem.delassus.work();
             problem.delassus.multiply(&multiplier, &mut vec![0.0; multiplier.len()], &mut work);

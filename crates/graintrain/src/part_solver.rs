@@ -151,10 +151,7 @@ impl PartSolver<'_> {
         // Of a few contacts there is nothing to share: ranks would only wait for each other.
         let ranks = self.settings.ranks.clone().filter(|_| is_bed);
         let settings = SolveSettings { curvature, ranks, ..self.bounded(problem) };
-        // Where joints couple bodies or contacts are compliant.
-        let matrix = problem.as_matrix_if(|rigid| !rigid.is_plain());
-        let posed = matrix.as_ref().unwrap_or(problem);
-        let mut report = solve_without_gain(self.solver, &self.parameters.few, posed, g, &settings)?;
+        let mut report = solve_without_gain(self.solver, &self.parameters.few, problem, g, &settings)?;
         report.curvature = report.curvature.filter(|_| is_bed);
         Ok(report)
     }
@@ -293,15 +290,15 @@ fn solve_finely_if_few(
 /// rest, or let go by one edge after the other), and which one an iteration finds depends on the way. That
 /// where nothing slides solves the relaxed problem, too: g becomes the solution of that if it is exact, and
 /// goes on from there if it is not found finely. The report tells how it went; `None`: it was not tried,
-/// since g holds, or something slid in it, and no joints (N is no matrix) make the rounds of a step start
-/// from one another's solutions.
+/// since g holds, or something slid in it, and no joints make the rounds of a step start from one another's
+/// solutions.
 fn solve_as_if_nothing_slid(
     budget: &mut Budget<'_>,
     few: &FewParameters,
     g: &mut [f64],
 ) -> Result<Option<SolveReport>, CcpError> {
     let SolveSettings { friction, criterion, tolerance, .. } = *budget.settings;
-    let is_plain = matches!(&*budget.problem.delassus, Delassus::Rigid(_));
+    let is_plain = matches!(&*budget.problem.delassus, Delassus::Rigid(rigid) if rigid.is_plain());
     let slid = is_plain && slides(budget.problem, g);
     if friction == FrictionModel::Relaxed || !budget.problem.has_friction() || slid {
         return Ok(None);

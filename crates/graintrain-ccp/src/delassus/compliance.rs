@@ -7,8 +7,8 @@ impl RigidDelassus {
     /// N = D^T M^-1 D + C, where C has the compliance c_i >= 0 of contact i, 1/kg, on its normal row: a
     /// contact with the velocity u_n along the normal in D^T v needs u_n + c_i g_n + r_n >= 0 only. Of a
     /// spring of stiffness k under implicit Euler, c = 1 / (k dt^2); zero is a rigid contact. An empty list:
-    /// all are rigid. Solvers that work in the space of bodies cannot take it; N as a matrix
-    /// ([`Self::assemble`]) can be given to all.
+    /// all are rigid. Solvers get N as a matrix ([`Self::assemble`]) from
+    /// their [cascade](crate::solver::cascade).
     ///
     /// Source: M. Anitescu, G. D. Hart, "A constraint-stabilized time-stepping approach for rigid multibody
     /// dynamics with joints, contact and friction", Int. J. Numer. Methods Eng. 60(14):2335-2371, 2004; A. M.
@@ -42,13 +42,7 @@ impl RigidDelassus {
     /// Whether N = D^T M^-1 D with bodies that move one by one: neither coupled bodies nor compliant contacts
     /// nor a stress-controlled cell.
     pub fn is_plain(&self) -> bool {
-        self.is_plain_but_for_cell() && self.cell.is_none()
-    }
-
-    /// Whether bodies move one by one but for the images of a stress-controlled cell: neither coupled bodies
-    /// nor compliant contacts.
-    pub(crate) fn is_plain_but_for_cell(&self) -> bool {
-        self.coupled.is_empty() && self.compliance.is_empty()
+        self.coupled.is_empty() && self.compliance.is_empty() && self.cell.is_none()
     }
 
     /// u <- u + C g.

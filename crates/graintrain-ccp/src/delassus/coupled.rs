@@ -1,6 +1,6 @@
 //! Bodies that joints hold together: their inverse mass is not block diagonal.
 
-use super::{FIXED, RigidDelassus, cross};
+use super::{RigidContact, RigidDelassus, cross};
 use graintrain_linalg::block3::Block;
 use std::sync::OnceLock;
 
@@ -45,8 +45,8 @@ impl CoupledBodies {
 
 impl RigidDelassus {
     /// N where these groups of bodies (no body in two of them) have a common inverse mass in the place of
-    /// their own. Solvers that work in the space of bodies one by one cannot take it; N as a matrix
-    /// ([`Self::assemble`]) can be given to all.
+    /// their own. First-order methods take it as it is; others get N as a matrix ([`Self::assemble`]) from
+    /// their [cascade](crate::solver::cascade).
     ///
     /// # Panics
     /// If a group names a body that does not exist or a body is in two of them.
@@ -124,48 +124,63 @@ impl RigidDelassus {
         }
     }
 
-    /// Sides of a block row: body, and for every row the impulse on it and its moment.
-    fn ends(&self, block: usize) -> [(u32, [[f64; 6]; 3]); 2] {
-        let turning = block.checked_sub(self.num_contacts());
-        let contact = turning.map_or(block, |k| self.turning[k].contact as usize);
-        let contact = &self.contacts[contact];
-        [(contact.body_a, 1.0, contact.arm_a), (contact.body_b, -1.0, contact.arm_b)].map(
-            |(body, sign, arm)| {
-                let rows: [[f64; 6]; 3] = match turning {
-                    None => contact.frame.map(|axis| {
-                        let moment = cross(arm, axis);
-                        [axis[0], axis[1], axis[2], moment[0], moment[1], moment[2]]
-                    }),
-                    Some(k) => self.turning_frame(k).map(|m| [0.0, 0.0, 0.0, m[0], m[1], m[2]]),
-                };
-                (body, rows.map(|row| row.map(|x| sign * x)))
-            },
-        )
+    /// The mechanisms that a block row pushes, of its body A and of its body B where that is another one.
+    fn groups_of(&self, block: usize) -> [Option<usize>; 2] {
+        let contact = self.contact_of(block);
+        let [of_a, of_b] = [contact.body_a, contact.body_b].map(|body| self.group_of(body).map(|own| own.0));
+        [of_a, of_b.filter(|_| of_a != of_b)]
     }
 
-    /// What coupled bodies add to block (i, j) of N.
-    pub(super) fn block_of_coupled(&self, i: usize, j: usize) -> Block {
-        let mut block = [0.0; 9];
-        if self.coupled.is_empty() {
-            return block;
-        }
-        for (body_j, rows_j) in self.ends(j) {
-            let Some((group, place_j)) = self.group_of(body_j).filter(|_| body_j != FIXED) else { continue };
-            let group_j = &self.coupled[group];
-            for (column, impulse) in rows_j.iter().enumerate() {
-                let mut a = vec![0.0; group_j.degrees];
-                for (axis, f) in impulse.iter().enumerate() {
-                    a.iter_mut().zip(group_j.row(place_j, axis)).for_each(|(a, y)| *a += f * y);
+    fn contact_of(&self, block: usize) -> &RigidContact {
+        let turning = block.checked_sub(self.num_contacts());
+        &self.contacts[turning.map_or(block, |k| self.turning[k].contact as usize)]
+    }
+
+    /// Rows of a block of D^T Y of one group, one after the other.
+    fn rows_in(&self, group: usize, block: usize) -> Vec<f64> {
+        let of = &self.coupled[group];
+        let mut rows = vec![0.0; 3 * of.degrees];
+        let contact = self.contact_of(block);
+        let turning = block.checked_sub(self.num_contacts()).map(|k| self.turning_frame(k));
+        for (body, sign, arm) in [(contact.body_a, 1.0, contact.arm_a), (contact.body_b, -1.0, contact.arm_b)]
+        {
+            let Some((_, place)) = self.group_of(body).filter(|(own, _)| *own == group) else { continue };
+            for (k, row) in rows.chunks_exact_mut(of.degrees.max(1)).enumerate() {
+                let [force, moment] = match &turning {
+                    None => [contact.frame[k], cross(arm, contact.frame[k])],
+                    Some(frame) => [[0.0; 3], frame[k]],
+                };
+                for (axis, f) in force.into_iter().chain(moment).enumerate() {
+                    row.iter_mut().zip(of.row(place, axis)).for_each(|(sum, y)| *sum += sign * f * y);
                 }
-                for (body_i, rows_i) in self.ends(i) {
-                    let Some((_, place_i)) = self.group_of(body_i).filter(|(own, _)| *own == group) else {
-                        continue;
-                    };
-                    let velocity = group_j.velocity(place_i, &a);
-                    for (row, along) in rows_i.iter().enumerate() {
-                        block[3 * row + column] +=
-                            along.iter().zip(velocity).map(|(along, v)| along * v).sum::<f64>();
-                    }
+            }
+        }
+        rows
+    }
+
+    /// The rows of a block of D^T Y.
+    pub(super) fn coupled_rows(&self, block: usize) -> CoupledRows {
+        if self.coupled.is_empty() {
+            return CoupledRows::default();
+        }
+        CoupledRows(self.groups_of(block).map(|group| Some((group?, self.rows_in(group?, block)))))
+    }
+}
+
+/// Rows of a block of D^T Y: of the groups of both of its bodies, or of the one that has both.
+#[derive(Clone, Debug, Default)]
+pub(super) struct CoupledRows([Option<(usize, Vec<f64>)>; 2]);
+
+impl CoupledRows {
+    /// What coupled bodies add to the block of N in these rows and those columns.
+    pub(super) fn times(&self, columns: &Self) -> Block {
+        let mut block = [0.0; 9];
+        for (group, own) in self.0.iter().flatten() {
+            for (_, other) in columns.0.iter().flatten().filter(|(of, _)| of == group) {
+                let degrees = own.len() / 3;
+                for (k, entry) in block.iter_mut().enumerate() {
+                    let [row, column] = [&own[k / 3 * degrees..], &other[k % 3 * degrees..]];
+                    *entry += row[..degrees].iter().zip(column).map(|(a, b)| a * b).sum::<f64>();
                 }
             }
         }

@@ -1,5 +1,6 @@
 //! N over rigid bodies, applied without being formed.
 
+use super::coupled::CoupledRows;
 use super::{CellModes, CoupledBodies, FIXED, TurningRows};
 use graintrain_linalg::block3::{Block, BlockMatrix3};
 use rayon::prelude::*;
@@ -280,8 +281,14 @@ impl RigidDelassus {
 
     /// Block (i, j) of N: the sum over the bodies that contacts i and j share of
     /// `s_i s_j F_i (M_lin^-1 + [r_i]x^T J^-1 [r_j]x ...) F_j^T`, built column by column from unit impulses.
-    pub(super) fn block(&self, i: usize, j: usize) -> Block {
-        let mut block = self.block_of_coupled(i, j);
+    pub(crate) fn block(&self, i: usize, j: usize) -> Block {
+        let rows = self.coupled_rows(i);
+        let block = if i == j { rows.times(&rows) } else { rows.times(&self.coupled_rows(j)) };
+        self.with_block_of_others(block, i, j)
+    }
+
+    /// The same, given what coupled bodies add to it.
+    fn with_block_of_others(&self, mut block: Block, i: usize, j: usize) -> Block {
         if i == j {
             block[0] += self.compliance_of(i);
         }
@@ -391,10 +398,13 @@ impl RigidDelassus {
             total += row.len();
             row_start.push(total);
         }
+        let coupled: Vec<CoupledRows> =
+            (0..self.num_blocks()).into_par_iter().map(|i| self.coupled_rows(i)).collect();
+        let block = |i: usize, j: usize| self.with_block_of_others(coupled[i].times(&coupled[j]), i, j);
         let blocks: Vec<Vec<Block>> = rows
             .par_iter()
             .enumerate()
-            .map(|(i, columns)| columns.iter().map(|&j| self.block(i, j as usize)).collect())
+            .map(|(i, columns)| columns.iter().map(|&j| block(i, j as usize)).collect())
             .collect();
         BlockMatrix3::from_rows(row_start, rows.concat(), blocks.concat())
     }

@@ -8,6 +8,7 @@ use super::dispatch::vectorised;
 use super::lanes::{
     Batch, LANES, Lanes, Numbers, TaskWork, Vector, ZERO, add, cross, dot, load, scale, sub, zero,
 };
+use super::mechanisms::{PackedMechanisms, Register};
 use super::packing::{EMPTY, Packing, turning_batches};
 use super::ranks::Ranks;
 use super::share::{Buffers, Share};
@@ -15,6 +16,8 @@ use super::slots::SlotTable;
 use super::tasks::{CHUNK, Tally};
 use crate::delassus::{BodyInverseMass, RigidDelassus};
 use graintrain_linalg::block3::Block;
+use std::collections::HashMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Geometry of four contacts. The rows of the frame are scaled, the normal one and the tangential ones each
@@ -117,9 +120,11 @@ impl Geometry {
         }
     }
 
-    /// Whether no body that moves (below `fixed`) is in two of these contacts.
-    fn is_apart(&self, fixed: u32) -> bool {
-        let of = |l: usize| [self.body_a[l], self.body_b[l]].into_iter().filter(move |&body| body != fixed);
+    /// Whether nothing that moves is in two of these contacts.
+    fn is_apart(&self, packing: &Packing) -> bool {
+        let fixed = packing.num_places() as u32;
+        let movers = |l: usize| [self.body_a[l], self.body_b[l]].map(|body| packing.mover(body));
+        let of = |l: usize| movers(l).into_iter().filter(move |&body| body != fixed);
         (1..LANES).all(|l| of(l).all(|body| (0..l).all(|earlier| of(earlier).all(|other| other != body))))
     }
 
@@ -189,6 +194,8 @@ pub(super) struct BodyOperator {
     /// resists turning.
     turning: Vec<bool>,
     runs: Vec<Run>,
+    /// Where contacts resist turning, for every batch whether its contacts share nothing that moves.
+    apart: Vec<bool>,
     /// In the order of the packing, like everything per body; that of the fixed body, zero, comes last.
     inverse_mass: Vec<InverseMass>,
     num_bodies: usize,
@@ -197,6 +204,10 @@ pub(super) struct BodyOperator {
     slots: SlotTable,
     /// A stress-controlled periodic cell.
     cell: Option<Box<PackedCell>>,
+    /// Bodies that joints couple: their inverse masses are zero here.
+    mechanisms: Option<Box<PackedMechanisms<BodyPair>>>,
+    /// N'_ii at the places of contacts with coupled bodies.
+    coupled_blocks: HashMap<usize, Block>,
     /// What this rank does of a pass, where there are several.
     share: Option<Box<Share>>,
 }
@@ -211,10 +222,13 @@ struct Run {
     count: usize,
     /// Whether their contacts share no body. Else it is one batch.
     apart: bool,
+    /// Whether a body of theirs is one of a mechanism.
+    coupled: bool,
 }
 
-/// Divides the batches into the longest runs of at most [`TOGETHER`] whose contacts share no body.
-fn runs(geometry: &[Geometry], fixed: u32) -> Vec<Run> {
+/// Divides the batches into the longest runs of at most [`TOGETHER`] whose contacts share nothing that moves.
+fn runs(geometry: &[Geometry], packing: &Packing) -> Vec<Run> {
+    let fixed = packing.num_places() as u32;
     let mut runs: Vec<Run> = Vec::new();
     // For every body the run, then the batch, that moved it last.
     let mut moved_by = vec![(usize::MAX, usize::MAX); fixed as usize];
@@ -223,7 +237,7 @@ fn runs(geometry: &[Geometry], fixed: u32) -> Vec<Run> {
         let current = runs.len().wrapping_sub(1);
         for lane in 0..LANES {
             // A contact of a body with itself is nobody's neighbour.
-            let [a, b] = [g.body_a[lane], g.body_b[lane]];
+            let [a, b] = [g.body_a[lane], g.body_b[lane]].map(|body| packing.mover(body));
             for body in if a == b { [a, fixed] } else { [a, b] } {
                 let Some((run, by)) = moved_by.get_mut(body as usize) else { continue };
                 free &= *run != current;
@@ -233,13 +247,37 @@ fn runs(geometry: &[Geometry], fixed: u32) -> Vec<Run> {
         }
         match runs.last_mut() {
             Some(run) if run.apart && apart && free && run.count < TOGETHER => run.count += 1,
-            _ => runs.push(Run { first: batch, count: 1, apart }),
+            _ => runs.push(Run { first: batch, count: 1, apart, coupled: false }),
         }
+        let current = runs.len() - 1;
         for body in g.body_a.into_iter().chain(g.body_b).filter(|&body| body != fixed) {
-            moved_by[body as usize].0 = runs.len() - 1;
+            runs[current].coupled |= packing.is_coupled(body);
+            moved_by[packing.mover(body) as usize].0 = current;
         }
     }
     runs
+}
+
+/// N'_ii at the places of rows of contacts with coupled bodies.
+fn coupled_blocks(rigid: &RigidDelassus, packing: &Packing, scaling: &[[f64; 2]]) -> HashMap<usize, Block> {
+    let is_coupled = |(_, i): &(usize, u32)| {
+        let contact =
+            (*i as usize).checked_sub(rigid.num_contacts()).map_or(*i, |k| rigid.turning()[k].contact);
+        packing.places_of(rigid, contact).into_iter().any(|place| packing.is_coupled(place))
+    };
+    let scaled = |(place, i): (usize, u32)| {
+        let mut block = rigid.block(i as usize, i as usize);
+        let factors = &scaling[i as usize];
+        for (entry, value) in block.iter_mut().enumerate() {
+            *value *= factors[(entry / 3).min(1)] * factors[(entry % 3).min(1)];
+        }
+        (place, block)
+    };
+    if rigid.coupled().is_empty() {
+        return HashMap::new();
+    }
+    let filled = packing.contacts.iter().copied().enumerate().filter(|&(_, i)| i != EMPTY);
+    filled.filter(is_coupled).map(scaled).collect()
 }
 
 impl BodyOperator {
@@ -282,11 +320,17 @@ impl BodyOperator {
         }
         let mut inverse_mass = vec![InverseMass::default(); num_places + 1];
         for (&place, inverse) in packing.bodies.iter().zip(rigid.inverse_mass()) {
-            inverse_mass[place as usize] = InverseMass::new(inverse);
+            if !packing.is_coupled(place) {
+                inverse_mass[place as usize] = InverseMass::new(inverse);
+            }
         }
-        let runs = runs(&geometry, fixed);
+        let runs = runs(&geometry, packing);
+        let cell = PackedCell::new(rigid, &packing.images, [1.0; 2]).map(Box::new);
+        let first = num_places + 1 + usize::from(cell.is_some());
         let turning = turning_batches(order, rigid.num_contacts());
+        let apart = if turning.is_empty() { &[] } else { &geometry[..] };
         Self {
+            apart: apart.iter().map(|geometry| geometry.is_apart(packing)).collect(),
             geometry,
             turning,
             runs,
@@ -294,7 +338,9 @@ impl BodyOperator {
             num_bodies: bodies,
             num_places,
             slots: slots.without_places(),
-            cell: PackedCell::new(rigid, &packing.images, [1.0; 2]).map(Box::new),
+            cell,
+            mechanisms: PackedMechanisms::new(rigid, packing, [1.0; 2], first).map(Box::new),
+            coupled_blocks: coupled_blocks(rigid, packing, scaling),
             share: None,
         }
     }
@@ -302,7 +348,9 @@ impl BodyOperator {
     /// The ranks that do the passes together; `None` does all of them here. Not where the cell is
     /// stress-controlled.
     pub(super) fn share_among(&mut self, ranks: Option<&Arc<Ranks>>) {
-        self.share = self.slots.share(ranks.filter(|_| self.cell.is_none()), BODIES);
+        let mechanisms = self.mechanisms.as_deref();
+        let is_coupled = |place: u32| mechanisms.is_some_and(|mechanisms| mechanisms.has(place));
+        self.share = self.slots.share(ranks.filter(|_| self.cell.is_none()), BODIES, is_coupled);
     }
 
     /// What this rank does of a pass, where there are several.
@@ -310,10 +358,11 @@ impl BodyOperator {
         self.share.as_deref()
     }
 
-    /// Vectors in an image: the [`BodyPair`] of every body, of the images, of the fixed one, and of a cell's
-    /// L.
+    /// Vectors in an image: the [`BodyPair`] of every body, of the images, of the fixed one, of a cell's L,
+    /// and the q of mechanisms.
     pub(super) fn image_len(&self) -> usize {
-        2 * (self.num_places + 1 + usize::from(self.cell.is_some()))
+        let mechanisms = self.mechanisms.as_ref().map_or(0, |mechanisms| mechanisms.len());
+        2 * (self.num_places + 1 + usize::from(self.cell.is_some()) + mechanisms)
     }
 
     /// Number of slots of all chunks.
@@ -322,7 +371,7 @@ impl BodyOperator {
     }
 
     /// Slots of a range of chunks.
-    pub(super) fn slot_range(&self, chunks: std::ops::Range<usize>) -> std::ops::Range<usize> {
+    pub(super) fn slot_range(&self, chunks: Range<usize>) -> std::ops::Range<usize> {
         self.slots.of_chunks(chunks)
     }
 
@@ -354,17 +403,49 @@ impl BodyOperator {
         let work = |first: usize, images: [&mut [BodyPair]; K], tally: &mut Tally| {
             vectorised(BodyTask { operator: self, first, slots, images, tally, combination });
         };
-        let sum = over_bodies(self.share(), images, tallies, buffers, &work);
+        let mut sum = over_bodies(self.share(), images, tallies, buffers, &work);
+        if let Some(mechanisms) = &self.mechanisms {
+            let all = all.each_mut().map(|image| &mut **image);
+            sum += mechanisms.follow::<BodyPair, K>((slots, &self.slots), all, combination);
+        }
         match &self.cell {
             Some(cell) => sum + cell.follow((slots, &self.slots), all, combination),
             None => sum,
         }
     }
 
+    /// Makes the velocities of coupled bodies of some contacts what those of their mechanisms are.
+    #[inline(always)]
+    fn bring<V: Vector>(&self, geometry: &Geometry, lanes: Range<usize>, image: &mut [BodyPair]) {
+        if let Some(mechanisms) = &self.mechanisms {
+            mechanisms.bring::<BodyPair<V>>(&geometry.body_a[lanes.clone()], image);
+            mechanisms.bring::<BodyPair<V>>(&geometry.body_b[lanes], image);
+        }
+    }
+
+    /// Lets the bodies of one contact, of which some may be coupled, follow its impulses.
+    #[inline(always)]
+    fn push<V: Vector>(
+        &self,
+        (geometry, coupled): (&Geometry, bool),
+        lane: usize,
+        world: &WorldImpulses<V>,
+        image: &mut [BodyPair],
+    ) {
+        geometry.push(lane, world, &self.inverse_mass, image);
+        if let Some(mechanisms) = self.mechanisms.as_ref().filter(|_| coupled) {
+            let [p, moment_a, moment_b] = world.map(|of| of[lane]);
+            let [on_a, on_b] = [[p, moment_a], [-p, -moment_b]].map(Register::store);
+            mechanisms.push::<BodyPair<V>>(geometry.body_a[lane], on_a, image);
+            mechanisms.push::<BodyPair<V>>(geometry.body_b[lane], on_b, image);
+        }
+    }
+
     /// As [`Self::sweep`] where contacts resist turning: a batch and its turning rows together, batches that
-    /// share no body within themselves at once, others contact by contact.
+    /// share nothing that moves within themselves at once, others contact by contact.
     #[inline(always)]
     fn sweep_with_turning<V: Vector>(&self, image: &mut [BodyPair], contacts: &mut impl Update<V>) {
+        let coupled = self.mechanisms.is_some();
         let mut batch = 0;
         while let Some(geometry) = self.geometry.get(batch) {
             let turns = self.turning.get(batch + 1) == Some(&true);
@@ -373,9 +454,9 @@ impl BodyOperator {
                 moves.0[lane] = 1.0;
             }
             let all = [Lanes::splat(1.0)];
-            let apart = geometry.is_apart(self.num_places as u32);
-            let moves = if apart { &all[..] } else { &one_by_one[..] };
+            let moves = if self.apart[batch] { &all[..] } else { &one_by_one[..] };
             for moves in moves {
+                self.bring::<V>(geometry, 0..LANES, image);
                 let u = geometry.relative_velocity(image);
                 let moved = |lane: &usize| moves.0[*lane] != 0.0;
                 if turns {
@@ -384,13 +465,13 @@ impl BodyOperator {
                     let [change, turn] = contacts.at_turning(batch, velocity, V::of(*moves));
                     let (world, moments) = (geometry.world_impulses(&change), turning.world_moments(&turn));
                     for lane in (0..LANES).filter(moved) {
-                        geometry.push(lane, &world, &self.inverse_mass, image);
-                        turning.push(lane, &moments, &self.inverse_mass, image);
+                        self.push((geometry, coupled), lane, &world, image);
+                        self.push((turning, coupled), lane, &moments, image);
                     }
                 } else {
                     let world = geometry.world_impulses(&contacts.at(batch, &u, V::of(*moves)));
                     for lane in (0..LANES).filter(moved) {
-                        geometry.push(lane, &world, &self.inverse_mass, image);
+                        self.push((geometry, coupled), lane, &world, image);
                     }
                 }
             }
@@ -399,19 +480,33 @@ impl BodyOperator {
     }
 
     /// Gauss-Seidel over all contacts: `contacts` get the velocities D^T v of a batch and change its
-    /// impulses; the velocities of the bodies follow at once. Batches of a [`Run`] that share no body are
-    /// computed side by side, others contact by contact: the result is that of one contact after the other in
-    /// the order of the packing. Not for a stress-controlled cell, which one contact would move for all.
+    /// impulses; the velocities of the bodies follow at once. Batches of a [`Run`] that share nothing that
+    /// moves are computed side by side, others contact by contact: the result is that of one contact after
+    /// the other in the order of the packing. Not for a stress-controlled cell, which one contact would move
+    /// for all.
     #[inline(always)]
     pub(super) fn sweep<V: Vector>(&self, image: &mut [Lanes], contacts: &mut impl Update<V>) {
         assert!(self.cell.is_none(), "sweeps over a cell go through the rows of N");
         let image = image.as_chunks_mut::<2>().0;
-        if !self.turning.is_empty() {
-            return self.sweep_with_turning(image, contacts);
+        if self.turning.is_empty() {
+            self.sweep_runs(image, contacts);
+        } else {
+            self.sweep_with_turning(image, contacts);
         }
+        if let Some(mechanisms) = &self.mechanisms {
+            mechanisms.bring_all::<BodyPair<V>>(image);
+        }
+    }
+
+    /// The same where nothing resists turning.
+    #[inline(always)]
+    fn sweep_runs<V: Vector>(&self, image: &mut [BodyPair], contacts: &mut impl Update<V>) {
         for run in &self.runs {
             let geometry = &self.geometry[run.first..run.first + run.count];
             if run.apart {
+                for geometry in geometry.iter().filter(|_| run.coupled) {
+                    self.bring::<V>(geometry, 0..LANES, image);
+                }
                 // Short loops, as in a pass.
                 let mut u = [zero::<V>(); TOGETHER];
                 for (geometry, u) in geometry.iter().zip(&mut u) {
@@ -423,17 +518,20 @@ impl BodyOperator {
                 for (geometry, u) in geometry.iter().zip(&u) {
                     let world = geometry.world_impulses(u);
                     for lane in 0..LANES {
-                        geometry.push(lane, &world, &self.inverse_mass, image);
+                        self.push((geometry, run.coupled), lane, &world, image);
                     }
                 }
             } else {
                 for (k, geometry) in geometry.iter().enumerate() {
                     for lane in 0..LANES {
+                        if run.coupled {
+                            self.bring::<V>(geometry, lane..lane + 1, image);
+                        }
                         let u = geometry.relative_velocity(image);
                         let mut moves = Lanes::default();
                         moves.0[lane] = 1.0;
                         let change = contacts.at(run.first + k, &u, V::of(moves));
-                        geometry.push(lane, &geometry.world_impulses(&change), &self.inverse_mass, image);
+                        self.push((geometry, run.coupled), lane, &geometry.world_impulses(&change), image);
                     }
                 }
             }
@@ -442,6 +540,9 @@ impl BodyOperator {
 
     /// Block N_ii of one contact, rows scaled as the frame is.
     pub(super) fn diagonal_block(&self, batch: usize, lane: usize) -> Block {
+        if let Some(block) = self.coupled_blocks.get(&(LANES * batch + lane)) {
+            return *block;
+        }
         let g = &self.geometry[batch];
         let turns = self.turning.get(batch) == Some(&true);
         let of_lane = |v: &Batch| [v[0].0[lane], v[1].0[lane], v[2].0[lane]];

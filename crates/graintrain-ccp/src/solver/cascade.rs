@@ -42,7 +42,7 @@ use super::settings::SolveSettings;
 use super::single;
 use crate::delassus::{Delassus, RigidContact};
 use crate::newton::NewtonRecord;
-use crate::problem::{Ccp, CcpError};
+use crate::problem::{Ccp, CcpError, KnownMatrix};
 use crate::residual::{FrictionModel, Residual};
 use graintrain_linalg::real;
 
@@ -163,6 +163,8 @@ pub struct Cascade {
     /// Tables for loose and tight tolerances where friction is relaxed, and for exact friction.
     relaxed: [Vec<Stage>; 2],
     exact: Vec<Stage>,
+    /// N as a matrix of the last problem for which a member needed it.
+    matrix: KnownMatrix,
 }
 
 /// The runners of a race, gradients, sweeps with a momentum and sweeps without, and the path. Over-relaxed by
@@ -228,6 +230,7 @@ impl Cascade {
                 vec![solve(ipm, usize::MAX), solve(patient, 100_000), proof(ipm)],
             ],
             exact: exact_table(exact, &[exact + 1, exact, ipm]),
+            matrix: None,
         }
     }
 
@@ -252,7 +255,19 @@ impl Cascade {
             exact = vec![own(Start::Last), own(Start::Zero)];
         }
         exact.push(Stage::new(0, Task::FixedPoint, Start::Best, limit.saturating_mul(10)));
-        Self { name: member.name(), members: vec![member], relaxed: [alone.clone(), alone], exact }
+        Self {
+            name: member.name(),
+            members: vec![member],
+            relaxed: [alone.clone(), alone],
+            exact,
+            matrix: None,
+        }
+    }
+
+    /// A method that treats exact friction itself, alone.
+    pub fn of_exact(member: Box<dyn CcpSolver>) -> Self {
+        let alone = vec![Stage::new(0, Task::Solve, Start::Best, usize::MAX)];
+        Self { exact: alone, ..Self::of(member) }
     }
 
     fn table(&self, settings: &SolveSettings) -> &[Stage] {
@@ -268,9 +283,9 @@ impl CcpSolver for Cascade {
         self.name.clone()
     }
 
-    /// Those of its first member; a cell is made a matrix for who needs it.
+    /// Those of its first member; N is made a matrix for who needs it.
     fn capabilities(&self) -> Capabilities {
-        Capabilities { cell: true, ..self.members[0].capabilities() }
+        Capabilities { cell: true, joints: true, ..self.members[0].capabilities() }
     }
 
     fn iteration_limit(&self) -> usize {
@@ -448,8 +463,8 @@ impl Cascade {
     ) -> Result<bool, CcpError> {
         let is_only = self.members.len() == 1 && stage.task == Task::Solve;
         let member = self.members[stage.member].as_mut();
-        let takes_cell = member.capabilities().cell;
-        let matrix = problem.as_matrix_if(|rigid| !takes_cell && rigid.cell().is_some());
+        let capabilities = member.capabilities();
+        let matrix = problem.as_matrix_if(|rigid| !capabilities.take(rigid), &mut self.matrix);
         let problem = matrix.as_ref().unwrap_or(problem);
         // A single method counts in its own iterations.
         let cost = if is_only { Cost::default() } else { member.cost(problem) };

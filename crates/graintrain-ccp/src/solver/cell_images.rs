@@ -13,8 +13,8 @@
 //! places of images as well.
 
 use super::combination::Combination;
-use super::lanes::Lanes;
-use super::octet::Octet;
+use super::lanes::{LANES, Lanes};
+use super::octet::{EIGHT, Octet};
 use super::slots::SlotTable;
 use crate::delassus::{CellModes, RigidDelassus};
 use std::collections::HashMap;
@@ -60,13 +60,22 @@ impl Images {
     }
 }
 
-/// A velocity (u, w) or a force and moment, as a vector of an image or a slot.
+/// Eight numbers of an image or a slot: a velocity (u, w) or a force and moment, three numbers and one
+/// without meaning each, or what else an image has.
 pub(super) trait Motion: Copy {
-    /// u and w, each followed by a number without meaning.
+    /// The first four and the last four.
     fn pair(self) -> [Lanes; 2];
 
-    /// That of u and w.
+    /// Of the first four and the last four.
     fn of_pair(pair: [Lanes; 2]) -> Self;
+
+    /// Of eight numbers.
+    fn of_numbers(numbers: [f64; EIGHT]) -> Self {
+        Self::of_pair([0, LANES].map(|first| Lanes(std::array::from_fn(|k| numbers[first + k]))))
+    }
+
+    /// Number k.
+    fn number(&self, k: usize) -> f64;
 }
 
 impl Motion for [Lanes; 2] {
@@ -77,20 +86,25 @@ impl Motion for [Lanes; 2] {
     fn of_pair(pair: [Lanes; 2]) -> Self {
         pair
     }
+
+    #[inline(always)]
+    fn number(&self, k: usize) -> f64 {
+        self[k / LANES].0[k % LANES]
+    }
 }
 
 impl Motion for Octet {
     fn pair(self) -> [Lanes; 2] {
-        [0, 4].map(|first| Lanes(std::array::from_fn(|k| f64::from(self.0[first + k]))))
+        [0, LANES].map(|first| Lanes(std::array::from_fn(|k| f64::from(self.0[first + k]))))
     }
 
-    fn of_pair([u, w]: [Lanes; 2]) -> Self {
-        let mut octet = Self::default();
-        for k in 0..3 {
-            octet.0[k] = u.0[k] as f32;
-            octet.0[4 + k] = w.0[k] as f32;
-        }
-        octet
+    fn of_pair(pair: [Lanes; 2]) -> Self {
+        Self(std::array::from_fn(|k| pair[k / LANES].0[k % LANES] as f32))
+    }
+
+    #[inline(always)]
+    fn number(&self, k: usize) -> f64 {
+        f64::from(self.0[k])
     }
 }
 
@@ -157,7 +171,7 @@ impl PackedCell {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::super::first_order::FirstOrder;
     use super::super::interface::CcpSolver;
     use super::super::settings::SolveSettings;
@@ -170,7 +184,7 @@ mod tests {
 
     /// With impulses that part all bodies: r = s - N g of some g in the cones and an s in the interior of
     /// their duals.
-    fn problem(rigid: RigidDelassus) -> Ccp {
+    pub(in crate::solver) fn solvable(rigid: RigidDelassus) -> Ccp {
         let contacts = rigid.num_contacts();
         let delassus = Delassus::Rigid(rigid);
         let component = |k: usize| if k.is_multiple_of(3) { 1.0 } else { 0.2 * (1.7 * k as f64).sin() };
@@ -197,8 +211,8 @@ mod tests {
     #[test]
     fn images_do_what_the_matrix_does() {
         for (bodies, contacts) in [(30, 60), (400, 900)] {
-            let over_bodies = problem(random_cell(bodies, contacts, 11));
-            let over_rows = over_bodies.as_matrix_if(|_| true).unwrap();
+            let over_bodies = solvable(random_cell(bodies, contacts, 11));
+            let over_rows = over_bodies.as_matrix_if(|_| true, &mut None).unwrap();
             for (tolerance, allowed) in [(1e-9, 1e-6), (2e-3, 0.3)] {
                 let settings = SolveSettings { tolerance, ..SolveSettings::default() };
                 let mut apgd = FirstOrder::new(Apgd::default());
@@ -213,7 +227,7 @@ mod tests {
     /// Exact friction and sweeps take it, too.
     #[test]
     fn sweeps_and_exact_friction_take_a_cell() {
-        let over_bodies = problem(random_cell(30, 60, 3));
+        let over_bodies = solvable(random_cell(30, 60, 3));
         let settings = SolveSettings { tolerance: 1e-8, ..SolveSettings::default() };
         let expected = relative_velocities(&over_bodies, &mut FirstOrder::new(Apgd::default()), &settings);
         let mut sweeps = FirstOrder::new(GaussSeidel::default());
@@ -233,7 +247,7 @@ mod tests {
     /// the rows of N.
     #[test]
     fn gradients_begin_in_a_large_cell() {
-        let over_bodies = problem(random_cell(400, 900, 11));
+        let over_bodies = solvable(random_cell(400, 900, 11));
         assert!(over_bodies.contacts_across() > 200);
         let settings = SolveSettings { tolerance: 2e-3, ..SolveSettings::default() };
         relative_velocities(&over_bodies, &mut FirstOrder::new(AcceleratedSweeps::default()), &settings);

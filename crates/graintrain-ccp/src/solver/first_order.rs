@@ -249,8 +249,8 @@ fn good_enough<M: FirstOrderMethod>(
     model: FrictionModel,
 ) -> Option<SolveReport> {
     let Delassus::Rigid(rigid) = &*problem.delassus else { return None };
-    // In a stress-controlled cell one contact moves all bodies: no few contacts tell what a start is worth.
-    if rigid.cell().is_none() {
+    // Where one contact moves bodies far away, no few contacts tell what a start is worth.
+    if rigid.is_plain() {
         let scale = ResidualScale::new(problem);
         let few = limits.measured(sampled_residual(problem, rigid, &scale, impulse, model));
         if few.is_nan() || few > NEAR * limits.tolerance() {
@@ -293,7 +293,12 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
     }
 
     fn capabilities(&self) -> Capabilities {
-        Capabilities { turning: M::TURNING, cell: M::TURNING && !M::SWEEPS, exact: M::EXACT }
+        Capabilities {
+            turning: M::TURNING,
+            cell: M::TURNING && !M::SWEEPS,
+            joints: M::TURNING,
+            exact: M::EXACT,
+        }
     }
 
     fn cost(&mut self, _: &Ccp) -> Cost {

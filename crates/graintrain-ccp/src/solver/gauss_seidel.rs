@@ -188,7 +188,7 @@ mod tests {
     use super::super::packing::{Block, PackedBlocks, pack, pack_in_blocks};
     use super::super::settings::SolveSettings;
     use super::*;
-    use crate::delassus::{BodyInverseMass, Delassus, FIXED, RigidContact, RigidDelassus};
+    use crate::delassus::{BodyInverseMass, CoupledBodies, Delassus, FIXED, RigidContact, RigidDelassus};
     use crate::problem::Ccp;
     use crate::registry::SolverSpec;
     use crate::residual::FrictionModel;
@@ -223,19 +223,35 @@ mod tests {
         Ccp::new(Delassus::Rigid(RigidDelassus::new(contacts, inverse_mass)), r, friction).unwrap()
     }
 
+    /// The same with every third body in one of two mechanisms.
+    fn jointed(problem: Ccp) -> Ccp {
+        let Delassus::Rigid(rigid) = &*problem.delassus else { unreachable!() };
+        let of = |first: u32, degrees: usize| {
+            let bodies: Vec<u32> = (first..rigid.num_bodies() as u32).step_by(6).take(20).collect();
+            let factor = (0..6 * bodies.len() * degrees).map(|k| (2.3 * k as f64 + 1.0).sin()).collect();
+            CoupledBodies { bodies, degrees, factor }
+        };
+        let rigid = rigid.clone().with_coupled(vec![of(0, 3), of(4, 11)]);
+        Ccp::new(Delassus::Rigid(rigid), problem.r, problem.friction).unwrap()
+    }
+
     /// Sweeps over bodies, eight contacts at a time, are those of one contact after the other over the rows
     /// of N, also where few bodies leave no eight contacts apart from one another.
     #[test]
     fn a_sweep_over_bodies_is_one_contact_after_the_other() {
-        for bodies in [3, 9, 700] {
-            let problem = row_of_bodies(bodies);
+        for (bodies, is_jointed) in [(3, false), (9, false), (700, false), (9, true), (700, true)] {
+            let mut problem = row_of_bodies(bodies);
+            if is_jointed {
+                problem = jointed(problem);
+            }
             let Delassus::Rigid(rigid) = &*problem.delassus else { unreachable!() };
             let order = pack(rigid).contacts;
             let mut sorted = order.clone();
             sorted.sort_unstable();
             assert!(sorted.into_iter().eq(0..2 * bodies), "the packing is a permutation");
             let contacts = order.iter().map(|&i| rigid.contacts()[i as usize]).collect();
-            let packed = RigidDelassus::new(contacts, rigid.inverse_mass().to_vec());
+            let packed = RigidDelassus::new(contacts, rigid.inverse_mass().to_vec())
+                .with_coupled(rigid.coupled().to_vec());
             let rows = Ccp {
                 delassus: Arc::new(Delassus::Sparse(packed.assemble())),
                 r: order.iter().flat_map(|&i| problem.r[3 * i as usize..][..3].to_vec()).collect(),

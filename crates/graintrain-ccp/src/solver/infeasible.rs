@@ -106,7 +106,7 @@ fn found(problem: &Ccp, settings: &SolveSettings, systems: &mut usize) -> Result
 /// The problem with N as a matrix where it is more than bodies that move one by one: V over bodies would know
 /// nothing of joints, springs and cells.
 fn measurable(problem: &Ccp) -> Cow<'_, Ccp> {
-    problem.as_matrix_if(|rigid| !rigid.is_plain()).map_or(Cow::Borrowed(problem), Cow::Owned)
+    problem.as_matrix_if(|rigid| !rigid.is_plain(), &mut None).map_or(Cow::Borrowed(problem), Cow::Owned)
 }
 
 /// V / max_i |r_i| for the projection of `g` on the cones.

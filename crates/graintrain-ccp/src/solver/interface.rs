@@ -2,6 +2,7 @@
 
 use super::report::SolveReport;
 use super::settings::SolveSettings;
+use crate::delassus::RigidDelassus;
 use crate::problem::{Ccp, CcpError};
 
 /// Iterations that a first-order method is allowed where the settings name no limit.
@@ -16,16 +17,24 @@ const CELL_CONTACTS: usize = 200;
 pub struct Capabilities {
     /// Contacts that resist turning ([`Ccp::turning`]).
     pub turning: bool,
-    /// Bodies in a stress-controlled periodic cell ([`CellModes`](crate::CellModes)); others are given N as a
-    /// matrix.
+    /// Bodies in a stress-controlled periodic cell ([`CellModes`](crate::CellModes)).
     pub cell: bool,
+    /// Bodies that joints couple ([`CoupledBodies`](crate::CoupledBodies)).
+    pub joints: bool,
     /// Exact friction in its own iterations ([`CcpSolver::solve_exact`]).
     pub exact: bool,
 }
 
 impl Capabilities {
-    /// Sliding friction over bodies that no cell moves, by relaxed solves alone.
-    pub const PLAIN: Self = Self { turning: false, cell: false, exact: false };
+    /// Sliding friction over bodies that move one by one, by relaxed solves alone.
+    pub const PLAIN: Self = Self { turning: false, cell: false, joints: false, exact: false };
+
+    /// Whether a method takes these bodies as they are. Who does not is given N as a matrix.
+    pub(crate) fn take(self, rigid: &RigidDelassus) -> bool {
+        let takes_cell = self.cell || rigid.cell().is_none();
+        let takes_joints = self.joints || rigid.coupled().is_empty();
+        takes_cell && takes_joints && rigid.compliance().is_empty()
+    }
 
     /// Whether a problem is among them.
     pub fn fit(self, problem: &Ccp) -> bool {

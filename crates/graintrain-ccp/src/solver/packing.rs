@@ -17,9 +17,45 @@ pub(super) struct Packing {
     /// Images of bodies across the boundary of a stress-controlled cell; their places come after those of
     /// bodies.
     pub images: Images,
+    /// The place of the first body of its mechanism for every body that joints couple, else [`ALONE`]; empty
+    /// where they couple none.
+    movers: Vec<u32>,
+}
+
+/// Of a body that no joint couples.
+const ALONE: u32 = u32::MAX;
+
+/// See [`Packing::movers`], of bodies at these places.
+fn movers(rigid: &RigidDelassus, places: &[u32]) -> Vec<u32> {
+    if rigid.coupled().is_empty() {
+        return Vec::new();
+    }
+    let mut movers = vec![ALONE; places.len()];
+    for group in rigid.coupled() {
+        for &body in &group.bodies {
+            movers[places[body as usize] as usize] = places[group.bodies[0] as usize];
+        }
+    }
+    movers
+}
+
+/// What an impulse on the body at a place moves, by one of its places.
+#[inline]
+fn mover(movers: &[u32], place: u32) -> u32 {
+    movers.get(place as usize).copied().filter(|&mover| mover != ALONE).unwrap_or(place)
 }
 
 impl Packing {
+    /// What an impulse on the body at a place moves, by one of its places: the body, or its mechanism.
+    pub fn mover(&self, place: u32) -> u32 {
+        mover(&self.movers, place)
+    }
+
+    /// Whether joints couple the body at a place with others.
+    pub fn is_coupled(&self, place: u32) -> bool {
+        self.movers.get(place as usize).is_some_and(|&mover| mover != ALONE)
+    }
+
     /// Number of places of bodies and images; that after the last one stands for [`FIXED`].
     pub fn num_places(&self) -> usize {
         self.bodies.len() + self.images.all.len()
@@ -129,17 +165,19 @@ const POOL: usize = 256;
 /// wherever possible. (The same helps a pass: sums on one body would otherwise wait for one another.)
 pub(super) fn pack(rigid: &RigidDelassus) -> Packing {
     let bodies = numbered(rigid);
+    let movers = movers(rigid, &bodies);
     let mut contacts = sorted_by_bodies(rigid, &bodies);
     let chunks = contacts.par_chunks_mut(CHUNK * LANES);
-    chunks.for_each_init(|| Dealer::new(bodies.len()), |dealer, chunk| dealer.deal(chunk, |_| false));
-    Packing::of(rigid, contacts, bodies)
+    let deal = |dealer: &mut Dealer<'_>, chunk: &mut [Pair]| dealer.deal(chunk, |_| false);
+    chunks.for_each_init(|| Dealer::new(bodies.len(), &movers), deal);
+    Packing::of(rigid, contacts, bodies, movers)
 }
 
 impl Packing {
-    fn of(rigid: &RigidDelassus, contacts: Vec<Pair>, bodies: Vec<u32>) -> Self {
+    fn of(rigid: &RigidDelassus, contacts: Vec<Pair>, bodies: Vec<u32>, movers: Vec<u32>) -> Self {
         let contacts = contacts.into_iter().map(|pair| pair.contact).collect();
         let images = Images::new(rigid, |body| bodies.get(body as usize).copied());
-        Self { contacts, bodies, images }
+        Self { contacts, bodies, images, movers }
     }
 }
 
@@ -207,6 +245,7 @@ pub(super) fn pack_in_blocks(
     is_idle: impl Fn(u32) -> bool + Sync,
 ) -> PackedBlocks {
     let bodies = numbered(rigid);
+    let movers = movers(rigid, &bodies);
     let mut sorted = sorted_by_bodies(rigid, &bodies);
     let way = |pair: &Pair| if pair.higher == FIXED { 0 } else { u64::from(pair.higher - pair.lower) };
     let mean_way = sorted.iter().map(way).sum::<u64>() as usize / sorted.len().max(1);
@@ -218,7 +257,8 @@ pub(super) fn pack_in_blocks(
     let class = |pair: &Pair| {
         let (low, high) =
             (pair.lower as usize, if pair.higher == FIXED { pair.lower } else { pair.higher } as usize);
-        if pair.lower == FIXED {
+        let is_coupled = |place: usize| movers.get(place).is_some_and(|&mover| mover != ALONE);
+        if pair.lower == FIXED || is_coupled(low) || is_coupled(high) {
             last
         } else if low / range == high / range {
             low / range
@@ -251,31 +291,34 @@ pub(super) fn pack_in_blocks(
         chunks.extend(own.chunks_mut(CHUNK * LANES));
         rest = later;
     }
-    let deal = |dealer: &mut Dealer, chunk: &mut [Pair]| dealer.deal(chunk, &is_idle);
-    chunks.into_par_iter().for_each_init(|| Dealer::new(bodies.len()), deal);
+    let deal = |dealer: &mut Dealer<'_>, chunk: &mut [Pair]| dealer.deal(chunk, &is_idle);
+    chunks.into_par_iter().for_each_init(|| Dealer::new(bodies.len(), &movers), deal);
     let mut lists = vec![blocks[..count].to_vec(), blocks[count..last].to_vec(), blocks[last..].to_vec()];
     lists.iter_mut().for_each(|list| list.retain(|block| !block.contacts.is_empty()));
-    PackedBlocks { packing: Packing::of(rigid, sorted, bodies), lists }
+    PackedBlocks { packing: Packing::of(rigid, sorted, bodies, movers), lists }
 }
 
 /// Deals the contacts of a chunk out to groups.
-struct Dealer {
-    /// The last group that each body was dealt to; groups of other chunks do not count.
+struct Dealer<'a> {
+    /// See [`Packing::movers`].
+    movers: &'a [u32],
+    /// The last group that each body (or the first of its mechanism) was dealt to; groups of other chunks do
+    /// not count.
     group_of: Vec<u32>,
     group: u32,
     dealt: Vec<Pair>,
     pool: Vec<Pair>,
 }
 
-impl Dealer {
-    fn new(bodies: usize) -> Self {
+impl<'a> Dealer<'a> {
+    fn new(bodies: usize, movers: &'a [u32]) -> Self {
         let dealt = Vec::with_capacity(CHUNK * LANES);
-        Self { group_of: vec![u32::MAX; bodies], group: 0, dealt, pool: Vec::with_capacity(POOL) }
+        Self { movers, group_of: vec![u32::MAX; bodies], group: 0, dealt, pool: Vec::with_capacity(POOL) }
     }
 
     /// Deals those out first that are not idle.
     fn deal(&mut self, chunk: &mut [Pair], is_idle: impl Fn(u32) -> bool) {
-        let Self { group_of, group, dealt, pool } = self;
+        let Self { movers, group_of, group, dealt, pool } = self;
         let is_idle = &is_idle;
         let of = |idle: bool| chunk.iter().filter(move |pair| is_idle(pair.contact) == idle).copied();
         let mut rest = of(false).chain(of(true));
@@ -287,9 +330,10 @@ impl Dealer {
             while seen < pool.len() && dealt.len() - first < TOGETHER * LANES {
                 let pair = pool[seen];
                 seen += 1;
-                let free = |body: u32| body == FIXED || group_of[body as usize] != *group;
-                if free(pair.lower) && free(pair.higher) {
-                    for body in [pair.lower, pair.higher] {
+                let moved = [pair.lower, pair.higher].map(|body| mover(movers, body));
+                let free = |body: &u32| *body == FIXED || group_of[*body as usize] != *group;
+                if moved.iter().all(free) {
+                    for body in moved {
                         if body != FIXED {
                             group_of[body as usize] = *group;
                         }

@@ -55,7 +55,7 @@ const BLOCKS: usize = 4096;
 /// N' in one of its two forms.
 #[derive(Clone, Debug)]
 enum Operator {
-    Bodies(BodyOperator),
+    Bodies(Box<BodyOperator>),
     Rows(RowOperator),
 }
 
@@ -157,13 +157,15 @@ impl ScaledProblem {
             }
         };
         let (operator, order) = match &*problem.delassus {
-            Delassus::Rigid(rigid) if rigid.is_plain() || (rigid.is_plain_but_for_cell() && !sweeps) => {
+            Delassus::Rigid(rigid)
+                if rigid.compliance().is_empty() && (rigid.cell().is_none() || !sweeps) =>
+            {
                 let mut packing = pack(rigid);
                 add_turning(&mut packing.contacts);
-                (Operator::Bodies(BodyOperator::new(rigid, &packing, &scaling)), packing.contacts)
+                (Operator::Bodies(Box::new(BodyOperator::new(rigid, &packing, &scaling))), packing.contacts)
             }
-            // Over bodies that move together, with compliant contacts, and for sweeps in a stress-controlled
-            // cell, a product goes through the rows of N.
+            // With compliant contacts and for sweeps in a stress-controlled cell a product goes through the
+            // rows of N.
             matrix => {
                 let mut order: Vec<u32> = (0..contacts as u32).collect();
                 add_turning(&mut order);

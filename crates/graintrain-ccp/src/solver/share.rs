@@ -58,13 +58,14 @@ fn equal_parts(things: usize, parts: usize) -> Vec<usize> {
 impl Share {
     /// The share of this rank in problems of so many chunks; `slots_of` gives the slots of each body,
     /// ascending, and `chunk_start` the first slot of each chunk and of the one after the last. A task is of
-    /// `task_len` bodies. `None` where there is nothing to share.
+    /// `task_len` bodies; every rank needs the slots of those that are `for_all`. `None` where there is
+    /// nothing to share.
     pub(super) fn new<'a>(
         ranks: &Arc<Ranks>,
         chunk_start: &[usize],
-        bodies: usize,
-        task_len: usize,
+        (bodies, task_len): (usize, usize),
         slots_of: impl Fn(usize) -> &'a [u32],
+        for_all: impl Fn(usize) -> bool,
     ) -> Option<Self> {
         let (me, count) = (ranks.rank(), ranks.count());
         let all_chunks = chunk_start.len().saturating_sub(1);
@@ -101,7 +102,11 @@ impl Share {
             }
             let slots = slots_of(body);
             needing.clear();
-            needing.extend(slots.iter().map(|&slot| rank_of(slot)).chain([keeper]));
+            if for_all(body) {
+                needing.extend(0..count);
+            } else {
+                needing.extend(slots.iter().map(|&slot| rank_of(slot)).chain([keeper]));
+            }
             needing.sort_unstable();
             needing.dedup();
             let is_needed = needing.contains(&me);

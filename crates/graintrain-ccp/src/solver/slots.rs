@@ -99,10 +99,17 @@ impl SlotTable {
         self.chunk_start[chunks.start]..self.chunk_start[chunks.end]
     }
 
-    /// The share of a rank in passes over these chunks and over tasks of so many bodies.
-    pub(super) fn share(&self, ranks: Option<&Arc<Ranks>>, task_len: usize) -> Option<Box<Share>> {
-        let bodies = self.slot_start.len() - 1;
-        let share = Share::new(ranks?, &self.chunk_start, bodies, task_len, |body| self.of_body(body));
+    /// The share of a rank in passes over these chunks and over tasks of so many bodies; coupled ones are
+    /// moved by contacts of all ranks.
+    pub(super) fn share(
+        &self,
+        ranks: Option<&Arc<Ranks>>,
+        task_len: usize,
+        is_coupled: impl Fn(u32) -> bool,
+    ) -> Option<Box<Share>> {
+        let bodies = (self.slot_start.len() - 1, task_len);
+        let for_all = |body: usize| is_coupled(body as u32);
+        let share = Share::new(ranks?, &self.chunk_start, bodies, |body| self.of_body(body), for_all);
         share.map(Box::new)
     }
 

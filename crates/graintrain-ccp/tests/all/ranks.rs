@@ -3,8 +3,8 @@
 use crate::common::{lattice_packing, with_turning};
 use graintrain_ccp::solver::ranks::threads::on_ranks;
 use graintrain_ccp::{
-    BodyInverseMass, Ccp, Criterion, Delassus, FIXED, FrictionModel, Ranks, RigidContact, RigidDelassus,
-    SolveSettings, SolverSpec, Status,
+    BodyInverseMass, Ccp, CoupledBodies, Criterion, Delassus, FIXED, FrictionModel, Ranks, RigidContact,
+    RigidDelassus, SolveSettings, SolverSpec, Status,
 };
 use std::sync::Arc;
 
@@ -44,13 +44,29 @@ fn on_a_plate(problem: &Ccp) -> Ccp {
     Ccp { delassus: Arc::new(Delassus::Rigid(RigidDelassus::new(contacts, masses))), ..problem.clone() }
 }
 
+/// With balls all over the packing in two mechanisms.
+fn with_mechanisms(problem: &Ccp) -> Ccp {
+    let Delassus::Rigid(rigid) = &*problem.delassus else { panic!("a problem over bodies") };
+    let of = |first: u32, degrees: usize| {
+        let bodies: Vec<u32> = (first..rigid.num_bodies() as u32).step_by(301).collect();
+        let factor = (0..6 * bodies.len() * degrees).map(|k| (1.3 * k as f64).sin()).collect();
+        CoupledBodies { bodies, degrees, factor }
+    };
+    let rigid = rigid.clone().with_coupled(vec![of(3, 4), of(100, 13)]);
+    Ccp { delassus: Arc::new(Delassus::Rigid(rigid)), ..problem.clone() }
+}
+
 #[test]
 fn ranks_compute_the_bits_of_one_process() {
     // Some ten chunks of contacts and three tasks of bodies.
     let plain = lattice_packing(14, 14, 0.3, 1);
     assert!(plain.num_contacts() > 8 * 1024);
-    let problems =
-        [("plain", plain.clone()), ("on a plate", on_a_plate(&plain)), ("turning", with_turning(&plain, 1))];
+    let problems = [
+        ("plain", plain.clone()),
+        ("on a plate", on_a_plate(&plain)),
+        ("turning", with_turning(&plain, 1)),
+        ("mechanisms", with_mechanisms(&plain)),
+    ];
     // Begun and ended in single precision, begun in single precision, in double precision alone.
     let accuracies = [(1e-4, Criterion::Mixed), (2e-5, Criterion::Mixed), (1e-9, Criterion::Maximum)];
     for (what, problem) in &problems {

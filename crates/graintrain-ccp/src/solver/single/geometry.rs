@@ -1,6 +1,7 @@
 //! What eight contacts do to velocities and with impulses, in single precision.
 
 use super::super::lanes::{Batch, add, cross, dot, scale, sub};
+use super::super::mechanisms::PackedMechanisms;
 use super::super::octet::{EIGHT, Octet, SingleVector};
 use super::operator::Masses;
 use std::ops::Range;
@@ -47,6 +48,35 @@ pub(super) fn push<V: SingleVector>(
         image[a] = (V::of(image[a]) + change).octet();
         let change = masses.times(b, on_b[lane]);
         image[b] = (V::of(image[b]) - change).octet();
+    }
+}
+
+/// Makes the velocities of coupled bodies what those of their mechanisms are, at contacts that move.
+#[inline(always)]
+pub(super) fn bring<V: SingleVector>(
+    places: &Places,
+    moves: &Octet,
+    mechanisms: &PackedMechanisms<Octet>,
+    image: &mut [Octet],
+) {
+    for lane in (0..EIGHT).filter(|&lane| moves.0[lane] != 0.0) {
+        mechanisms.bring::<V>(&[places[0][lane], places[1][lane]], image);
+    }
+}
+
+/// As [`push`], for coupled bodies at contacts that move.
+#[inline(always)]
+pub(super) fn push_coupled<V: SingleVector>(
+    (places, moves): (&Places, &Octet),
+    p: &Batch<V>,
+    moments: [&Batch<V>; 2],
+    mechanisms: &PackedMechanisms<Octet>,
+    image: &mut [Octet],
+) {
+    let (on_a, on_b) = (V::records([p, moments[0]]), V::records([p, moments[1]]));
+    for lane in (0..EIGHT).filter(|&lane| moves.0[lane] != 0.0) {
+        mechanisms.push::<V>(places[0][lane], on_a[lane].octet(), image);
+        mechanisms.push::<V>(places[1][lane], (-on_b[lane]).octet(), image);
     }
 }
 

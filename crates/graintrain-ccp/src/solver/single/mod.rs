@@ -17,8 +17,9 @@ mod sweep;
 use super::body_pass::BODIES;
 use super::cell_images::PackedCell;
 use super::lanes::Batch;
+use super::mechanisms::PackedMechanisms;
 use super::octet::{EIGHT, Octet};
-use super::packing::{PackedBlocks, Packing, pack, pack_in_blocks};
+use super::packing::{self, PackedBlocks, Packing, pack, pack_in_blocks};
 use super::ranks::Ranks;
 use super::scaling::{Metric, block_scaling};
 use super::settings::SolveSettings;
@@ -65,15 +66,15 @@ pub struct SingleProblem {
     sweeps: Option<Sweeps>,
 }
 
-/// Whether the solve may begin in single precision: over rigid bodies that no joint couples and no contact
-/// keeps from turning, not too few contacts, not too tight a tolerance.
+/// Whether the solve may begin in single precision: over rigid bodies, contacts that are rigid and let them
+/// turn, not too few of them, not too tight a tolerance.
 pub(super) fn suits(problem: &Ccp, settings: &SolveSettings) -> bool {
     let Delassus::Rigid(rigid) = &*problem.delassus else { return false };
     let least = match settings.criterion {
         Criterion::Mixed => LEAST_TOLERANCE,
         Criterion::Maximum => LEAST_MAXIMUM,
     };
-    rigid.is_plain_but_for_cell()
+    rigid.compliance().is_empty()
         && problem.turning.is_empty()
         && problem.num_contacts() >= FEWEST_CONTACTS
         && settings.tolerance >= least
@@ -121,7 +122,7 @@ fn inverse_masses(packing: &Packing, all: &[BodyInverseMass], [mobility, length]
     if !all.iter().all(is_diagonal) {
         masses.others = vec![[Octet::default(); 2]; all.len()];
     }
-    for (&place, mass) in packing.bodies.iter().zip(all) {
+    for (&place, mass) in packing.bodies.iter().zip(all).filter(|(place, _)| !packing.is_coupled(**place)) {
         let place = place as usize;
         for axis in 0..3 {
             masses.diagonal[place].0[axis] = (mass.linear[axis] / mobility) as f32;
@@ -183,6 +184,19 @@ fn arrangement(
     Arrangement::General(all_batches.map(of).collect())
 }
 
+/// The packing, with lists of blocks for sweeps from these impulses.
+fn packed(
+    rigid: &RigidDelassus,
+    r: &[f64],
+    sweeps: Option<&[f64]>,
+) -> (Packing, Option<Vec<Vec<packing::Block>>>) {
+    let Some(start) = sweeps else { return (pack(rigid), None) };
+    // What does not press at the start and would open by itself will hardly press.
+    let is_idle = |i: u32| start[3 * i as usize] == 0.0 && r[3 * i as usize] > 0.0;
+    let PackedBlocks { packing, lists } = pack_in_blocks(rigid, EIGHT, is_idle);
+    (packing, Some(lists))
+}
+
 impl SingleProblem {
     /// Scales and packs a problem that [`suits`], for sweeps from these impulses or for none, for `ranks`
     /// that do the passes together what this one needs. `None` where a number leaves the range of single
@@ -194,16 +208,10 @@ impl SingleProblem {
         ranks: Option<&Arc<Ranks>>,
     ) -> Option<Self> {
         let Delassus::Rigid(rigid) = &*problem.delassus else { return None };
-        let (packing, blocks) = if let Some(start) = sweeps {
-            // What does not press at the start and would open by itself will hardly press.
-            let is_idle = |i: u32| start[3 * i as usize] == 0.0 && problem.r[3 * i as usize] > 0.0;
-            let PackedBlocks { packing, lists } = pack_in_blocks(rigid, EIGHT, is_idle);
-            (packing, Some(lists))
-        } else {
-            (pack(rigid), None)
-        };
+        let (packing, blocks) = packed(rigid, &problem.r, sweeps);
         let slots = SlotTable::new(rigid, &packing, CHUNK * EIGHT);
-        let share = slots.share(ranks.filter(|_| rigid.cell().is_none()), BODIES);
+        let alone = ranks.filter(|_| rigid.cell().is_none());
+        let share = slots.share(alone, BODIES, |place| packing.is_coupled(place));
         let scaling = block_scaling(problem, residual);
         let [mobility, length] = units(rigid);
         let scale = mobility.sqrt();
@@ -231,19 +239,21 @@ impl SingleProblem {
         };
         let arrangement = arrangement(rigid, &packing.contacts, &own, length, batch_of);
         let size = residual.size();
-        let order = &packing.contacts;
         let masses = inverse_masses(&packing, rigid.inverse_mass(), [mobility, length]);
+        let cell = PackedCell::new(rigid, &packing.images, [mobility, length]);
+        let first = packing.num_places() + 1 + usize::from(cell.is_some());
         let operator = SingleOperator {
             arrangement,
             contacts: vec![ContactNumbers::default(); batches],
             masses,
             slots: slots.without_places(),
             num_places: packing.num_places(),
-            cell: PackedCell::new(rigid, &packing.images, [mobility, length]),
+            cell,
+            mechanisms: PackedMechanisms::new(rigid, &packing, [mobility, length], first),
             share,
         };
         let sweeps =
-            blocks.map(|blocks| Sweeps::new(&problem.delassus, (order, blocks), &scaling, &operator));
+            blocks.map(|blocks| Sweeps::new(&problem.delassus, (&packing, blocks), &scaling, &operator));
         let mut single = Self {
             operator,
             sweeps,
@@ -286,6 +296,7 @@ impl SingleProblem {
             && self.metric.par_iter().all(metric)
             && self.operator.masses.diagonal.iter().all(finite)
             && self.operator.masses.others.as_flattened().iter().all(finite)
+            && self.operator.mechanisms.as_ref().is_none_or(PackedMechanisms::is_finite)
     }
 
     /// Replaces r, for another problem with the same N and mu.

@@ -5,6 +5,7 @@ use super::super::cell_images::PackedCell;
 use super::super::combination::Combination;
 use super::super::dispatch::vectorised;
 use super::super::lanes::{Batch, add, tangential_length, zero};
+use super::super::mechanisms::PackedMechanisms;
 use super::super::octet::{EIGHT, InSingle, Octet, SingleVector, SingleWork};
 use super::super::share::{Buffers, Share, part_of};
 use super::super::slots::SlotTable;
@@ -96,6 +97,8 @@ pub(super) struct SingleOperator {
     pub(super) num_places: usize,
     /// A stress-controlled periodic cell.
     pub(super) cell: Option<PackedCell>,
+    /// Bodies that joints couple: their inverse masses are zero here.
+    pub(super) mechanisms: Option<PackedMechanisms<Octet>>,
     /// What this rank does of a pass, where there are several.
     pub(super) share: Option<Box<Share>>,
 }
@@ -107,9 +110,11 @@ pub(super) fn own_batches(share: Option<&Share>, batches: usize) -> Range<usize>
 }
 
 impl SingleOperator {
-    /// Vectors of an image: one per body and image, a zero for the fixed body, and a cell's L.
+    /// Vectors of an image: one per body and image, a zero for the fixed body, a cell's L and the q of
+    /// mechanisms.
     pub(super) fn image_len(&self) -> usize {
-        self.num_places + 1 + usize::from(self.cell.is_some())
+        let mechanisms = self.mechanisms.as_ref().map_or(0, PackedMechanisms::len);
+        self.num_places + 1 + usize::from(self.cell.is_some()) + mechanisms
     }
 
     pub(super) fn scratch(&self) -> SingleScratch {
@@ -198,7 +203,11 @@ impl SingleOperator {
         let work = |first: usize, images: [&mut [Octet]; K], tally: &mut Tally| {
             vectorised(InSingle(BodyPass { operator: self, first, slots, images, tally, combination }));
         };
-        let sum = over_bodies(self.share.as_deref(), images, tallies, buffers, &work);
+        let mut sum = over_bodies(self.share.as_deref(), images, tallies, buffers, &work);
+        if let Some(mechanisms) = &self.mechanisms {
+            let all = all.each_mut().map(|image| &mut **image);
+            sum += mechanisms.follow::<Octet, K>((slots, &self.slots), all, combination);
+        }
         match &self.cell {
             Some(cell) => sum + cell.follow((slots, &self.slots), all, combination),
             None => sum,

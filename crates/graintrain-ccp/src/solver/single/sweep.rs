@@ -5,8 +5,8 @@ use super::super::gauss_seidel::{step_of_block, take};
 use super::super::lanes::{Batch, add, project_given, scale, sub, tangential_length, within_disc};
 use super::super::momentum::{extrapolate, extrapolated};
 use super::super::octet::{EIGHT, InSingle, Octet, SingleVector, SingleWork};
-use super::super::packing::Block;
-use super::geometry::{Geometry, Places, load, push, velocities, within};
+use super::super::packing::{Block, Packing};
+use super::geometry::{Geometry, Places, bring, load, push, push_coupled, velocities, within};
 use super::kernel::SingleTally;
 use super::operator::{Arrangement, CHUNK, PREFETCH, SingleOperator};
 use crate::delassus::Delassus;
@@ -25,6 +25,8 @@ pub(super) struct Sweeps {
     first: Vec<u32>,
     /// Bodies A and B of each batch as places in the range of its block.
     places: Vec<Places>,
+    /// Whether joints couple bodies of a batch: it is in the list with the block of all bodies.
+    coupled: Vec<bool>,
     /// Lists of blocks, one after the other; those of one list share no body, and a single one has all
     /// bodies.
     lists: Vec<Vec<Block>>,
@@ -58,7 +60,7 @@ impl Sweeps {
     /// Of contacts in this order and these blocks, with their factors c / sqrt(e) over c.
     pub(super) fn new(
         delassus: &Delassus,
-        (order, mut lists): (&[u32], Vec<Vec<Block>>),
+        (packing, mut lists): (&Packing, Vec<Vec<Block>>),
         scaling: &[[f64; 2]],
         operator: &SingleOperator,
     ) -> Self {
@@ -77,30 +79,37 @@ impl Sweeps {
         };
         let step = match &operator.arrangement {
             // Scaled blocks of balls are unit matrices.
-            Arrangement::Radial(all) if operator.masses.are_isotropic() => vec![Octet::splat(1.0); all.len()],
-            _ => order.par_chunks(EIGHT).with_min_len(CHUNK).map(step_of).collect(),
+            Arrangement::Radial(all) if operator.mechanisms.is_none() && operator.masses.are_isotropic() => {
+                vec![Octet::splat(1.0); all.len()]
+            }
+            _ => packing.contacts.par_chunks(EIGHT).with_min_len(CHUNK).map(step_of).collect(),
         };
         let places_of = |batch: usize| match &operator.arrangement {
             Arrangement::Radial(all) => &all[batch].bodies.place,
             Arrangement::General(all) => &all[batch].bodies.place,
         };
         let still = Octet::default();
-        let is_moved =
-            |body: u32| operator.masses.diagonal.get(body as usize).is_some_and(|mass| *mass != still);
+        let is_coupled = |body: u32| packing.is_coupled(body);
+        let moved = |body: u32| {
+            let by_itself = operator.masses.diagonal.get(body as usize).is_some_and(|mass| *mass != still);
+            (by_itself || is_coupled(body)).then(|| packing.mover(body))
+        };
         let (mut moves, mut first, mut places) = (Vec::new(), vec![0], Vec::new());
+        let mut coupled = Vec::new();
         for list in &mut lists {
             if let [only] = &mut list[..] {
                 only.bodies = 0..operator.num_places;
             }
             for block in list {
                 for batch in batches_of(block) {
-                    one_after_the_other(places_of(batch), is_moved, &mut moves);
+                    one_after_the_other(places_of(batch), moved, &mut moves);
+                    coupled.push(places_of(batch).as_flattened().iter().any(|&body| is_coupled(body)));
                     first.push(moves.len() as u32);
                     places.push(within(places_of(batch), &block.bodies));
                 }
             }
         }
-        Self { step, moves, first, places, lists }
+        Self { step, moves, first, places, coupled, lists }
     }
 
     /// For all sweeps of a solve.
@@ -138,9 +147,9 @@ impl Sweeps {
                 sums,
             };
             match &list[..] {
-                // What is fixed comes last in the image itself.
+                // What is fixed is in the image itself.
                 [only] => {
-                    let all = 0..operator.num_places + 1;
+                    let all = 0..operator.image_len();
                     slices.part(self, operator, only, all, 0..0).sweep(sweep);
                 }
                 blocks => slices.over(self, operator, (blocks, 0), sweep),
@@ -148,6 +157,9 @@ impl Sweeps {
             for own in &scratch.sums[..list.len()] {
                 total = [total[0] + own[0], total[1] + own[1]];
             }
+        }
+        if let Some(mechanisms) = &operator.mechanisms {
+            mechanisms.bring_all::<Octet>(image);
         }
         total
     }
@@ -158,11 +170,11 @@ fn batches_of(block: &Block) -> Range<usize> {
     block.contacts.start / EIGHT..block.contacts.end.div_ceil(EIGHT)
 }
 
-/// Appends which contacts of a batch move at once, so that those that share a body that is moved do so one
-/// after the other.
-fn one_after_the_other(places: &Places, is_moved: impl Fn(u32) -> bool, moves: &mut Vec<Octet>) {
+/// Appends which contacts of a batch move at once, so that those that share what is `moved` do so one after
+/// the other.
+fn one_after_the_other(places: &Places, moved: impl Fn(u32) -> Option<u32>, moves: &mut Vec<Octet>) {
     let begin = moves.len();
-    let of = |lane: usize| [places[0][lane], places[1][lane]].into_iter().filter(|&body| is_moved(body));
+    let of = |lane: usize| [places[0][lane], places[1][lane]].into_iter().filter_map(&moved);
     for lane in 0..EIGHT {
         let meets = |with: &Octet| {
             (0..lane).any(|l| with.0[l] == 1.0 && of(l).any(|body| of(lane).any(|own| own == body)))
@@ -361,7 +373,11 @@ impl<G: Geometry, const EXACT: bool> SingleWork for PartOver<'_, '_, G, EXACT> {
                 let (mu, r) = (V::of(numbers.mu), load(&numbers.r));
                 let (x, previous) = (&mut x[offset], &mut previous[offset]);
                 let places = &sweeps.places[batch];
+                let mechanisms = operator.mechanisms.as_ref().filter(|_| sweeps.coupled[batch]);
                 for moves in &sweeps.moves[sweeps.first[batch] as usize..sweeps.first[batch + 1] as usize] {
+                    if let Some(mechanisms) = mechanisms {
+                        bring::<V>(places, moves, mechanisms, known);
+                    }
                     let u = own.relative([velocities(&places[0], known), velocities(&places[1], known)]);
                     let y = extrapolated(x, previous, beta);
                     let point = sub(&y, &scale(step, &add(&u, &r)));
@@ -373,6 +389,9 @@ impl<G: Geometry, const EXACT: bool> SingleWork for PartOver<'_, '_, G, EXACT> {
                     let change = take([x, previous], [&y, &new], V::of(*moves), &mut tally.sum);
                     let [p, on_a, on_b] = own.impulses(&change);
                     push(places, &p, [&on_a, &on_b], masses, known);
+                    if let Some(mechanisms) = mechanisms {
+                        push_coupled((places, moves), &p, [&on_a, &on_b], mechanisms, known);
+                    }
                 }
                 let is_open = |normal: V| normal.octet().0.iter().all(|g| *g == 0.0);
                 if is_open(x[0]) && is_open(previous[0]) {
