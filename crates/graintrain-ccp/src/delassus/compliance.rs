@@ -7,8 +7,8 @@ impl RigidDelassus {
     /// N = D^T M^-1 D + C, where C has the compliance c_i >= 0 of contact i, 1/kg, on its normal row: a
     /// contact with the velocity u_n along the normal in D^T v needs u_n + c_i g_n + r_n >= 0 only. Of a
     /// spring of stiffness k under implicit Euler, c = 1 / (k dt^2); zero is a rigid contact. An empty list:
-    /// all are rigid. Solvers get N as a matrix ([`Self::assemble`]) from
-    /// their [cascade](crate::solver::cascade).
+    /// all are rigid. First-order methods take it as it is; others get N as a matrix ([`Self::assemble`])
+    /// from their [cascade](crate::solver::cascade).
     ///
     /// Source: M. Anitescu, G. D. Hart, "A constraint-stabilized time-stepping approach for rigid multibody
     /// dynamics with joints, contact and friction", Int. J. Numer. Methods Eng. 60(14):2335-2371, 2004; A. M.

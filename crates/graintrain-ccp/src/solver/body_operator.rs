@@ -4,6 +4,7 @@
 use super::body_pass::{BODIES, num_body_tasks, over_bodies};
 use super::cell_images::PackedCell;
 use super::combination::Combination;
+use super::compliance::PackedCompliance;
 use super::dispatch::vectorised;
 use super::lanes::{
     Batch, LANES, Lanes, Numbers, TaskWork, Vector, ZERO, add, cross, dot, load, scale, sub, zero,
@@ -206,6 +207,8 @@ pub(super) struct BodyOperator {
     cell: Option<Box<PackedCell>>,
     /// Bodies that joints couple: their inverse masses are zero here.
     mechanisms: Option<Box<PackedMechanisms<BodyPair>>>,
+    /// Compliant contacts.
+    compliance: PackedCompliance<Lanes>,
     /// N'_ii at the places of contacts with coupled bodies.
     coupled_blocks: HashMap<usize, Block>,
     /// What this rank does of a pass, where there are several.
@@ -297,7 +300,8 @@ impl BodyOperator {
             slot_b: [0; LANES],
         };
         let mut geometry = vec![empty; batches];
-        let slots = SlotTable::new(rigid, packing, CHUNK * LANES);
+        let behind = PackedCompliance::<Lanes>::per_chunk(rigid, CHUNK);
+        let slots = SlotTable::new(rigid, packing, CHUNK * LANES, behind);
         for (place, &i) in order.iter().enumerate().filter(|&(_, &i)| i != EMPTY) {
             let turning = (i as usize).checked_sub(rigid.num_contacts()).map(|k| &rigid.turning()[k]);
             let index = turning.map_or(i, |rows| rows.contact);
@@ -327,6 +331,8 @@ impl BodyOperator {
         let runs = runs(&geometry, packing);
         let cell = PackedCell::new(rigid, &packing.images, [1.0; 2]).map(Box::new);
         let first = num_places + 1 + usize::from(cell.is_some());
+        let mechanisms = PackedMechanisms::new(rigid, packing, [1.0; 2], first).map(Box::new);
+        let first = 2 * (first + mechanisms.as_ref().map_or(0, |mechanisms| mechanisms.len()));
         let turning = turning_batches(order, rigid.num_contacts());
         let apart = if turning.is_empty() { &[] } else { &geometry[..] };
         Self {
@@ -339,18 +345,20 @@ impl BodyOperator {
             num_places,
             slots: slots.without_places(),
             cell,
-            mechanisms: PackedMechanisms::new(rigid, packing, [1.0; 2], first).map(Box::new),
+            mechanisms,
+            compliance: PackedCompliance::new(rigid, order, scaling, (first, CHUNK)),
             coupled_blocks: coupled_blocks(rigid, packing, scaling),
             share: None,
         }
     }
 
     /// The ranks that do the passes together; `None` does all of them here. Not where the cell is
-    /// stress-controlled.
+    /// stress-controlled or contacts are compliant.
     pub(super) fn share_among(&mut self, ranks: Option<&Arc<Ranks>>) {
+        let is_shared = self.cell.is_none() && self.compliance.len() == 0;
         let mechanisms = self.mechanisms.as_deref();
         let is_coupled = |place: u32| mechanisms.is_some_and(|mechanisms| mechanisms.has(place));
-        self.share = self.slots.share(ranks.filter(|_| self.cell.is_none()), BODIES, is_coupled);
+        self.share = self.slots.share(ranks.filter(|_| is_shared), BODIES, is_coupled);
     }
 
     /// What this rank does of a pass, where there are several.
@@ -359,10 +367,16 @@ impl BodyOperator {
     }
 
     /// Vectors in an image: the [`BodyPair`] of every body, of the images, of the fixed one, of a cell's L,
-    /// and the q of mechanisms.
+    /// the q of mechanisms, and C x.
     pub(super) fn image_len(&self) -> usize {
         let mechanisms = self.mechanisms.as_ref().map_or(0, |mechanisms| mechanisms.len());
-        2 * (self.num_places + 1 + usize::from(self.cell.is_some()) + mechanisms)
+        let pairs = self.num_places + 1 + usize::from(self.cell.is_some()) + mechanisms;
+        2 * pairs + self.compliance.len().next_multiple_of(2)
+    }
+
+    /// Compliant contacts.
+    pub(super) fn compliance(&self) -> &PackedCompliance<Lanes> {
+        &self.compliance
     }
 
     /// Number of slots of all chunks.
@@ -408,6 +422,8 @@ impl BodyOperator {
             let all = all.each_mut().map(|image| &mut **image);
             sum += mechanisms.follow::<BodyPair, K>((slots, &self.slots), all, combination);
         }
+        let flat = all.each_mut().map(|image| image.as_flattened_mut());
+        sum += self.compliance.follow((slots.as_flattened(), &self.slots), flat, combination);
         match &self.cell {
             Some(cell) => sum + cell.follow((slots, &self.slots), all, combination),
             None => sum,
@@ -580,6 +596,9 @@ impl BodyOperator {
         } else {
             add_side(a, 1.0, arm_a);
             add_side(b, 1.0, arm_b);
+        }
+        if let Some(compliance) = self.compliance.of(0..self.compliance.len()).get(batch) {
+            block[0] += compliance.0[lane];
         }
         block
     }

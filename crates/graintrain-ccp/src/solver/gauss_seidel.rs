@@ -223,7 +223,7 @@ mod tests {
         Ccp::new(Delassus::Rigid(RigidDelassus::new(contacts, inverse_mass)), r, friction).unwrap()
     }
 
-    /// The same with every third body in one of two mechanisms.
+    /// The same with every third body in one of two mechanisms, and two in three contacts compliant.
     fn jointed(problem: Ccp) -> Ccp {
         let Delassus::Rigid(rigid) = &*problem.delassus else { unreachable!() };
         let of = |first: u32, degrees: usize| {
@@ -231,7 +231,8 @@ mod tests {
             let factor = (0..6 * bodies.len() * degrees).map(|k| (2.3 * k as f64 + 1.0).sin()).collect();
             CoupledBodies { bodies, degrees, factor }
         };
-        let rigid = rigid.clone().with_coupled(vec![of(0, 3), of(4, 11)]);
+        let compliance = (0..rigid.num_contacts()).map(|i| f64::from((i % 3) as u32)).collect();
+        let rigid = rigid.clone().with_coupled(vec![of(0, 3), of(4, 11)]).with_compliance(compliance);
         Ccp::new(Delassus::Rigid(rigid), problem.r, problem.friction).unwrap()
     }
 
@@ -251,7 +252,13 @@ mod tests {
             assert!(sorted.into_iter().eq(0..2 * bodies), "the packing is a permutation");
             let contacts = order.iter().map(|&i| rigid.contacts()[i as usize]).collect();
             let packed = RigidDelassus::new(contacts, rigid.inverse_mass().to_vec())
-                .with_coupled(rigid.coupled().to_vec());
+                .with_coupled(rigid.coupled().to_vec())
+                .with_compliance(
+                    order
+                        .iter()
+                        .map(|&i| rigid.compliance().get(i as usize).copied().unwrap_or(0.0))
+                        .collect(),
+                );
             let rows = Ccp {
                 delassus: Arc::new(Delassus::Sparse(packed.assemble())),
                 r: order.iter().flat_map(|&i| problem.r[3 * i as usize..][..3].to_vec()).collect(),

@@ -19,7 +19,7 @@ pub struct Capabilities {
     pub turning: bool,
     /// Bodies in a stress-controlled periodic cell ([`CellModes`](crate::CellModes)).
     pub cell: bool,
-    /// Bodies that joints couple ([`CoupledBodies`](crate::CoupledBodies)).
+    /// Bodies that joints couple ([`CoupledBodies`](crate::CoupledBodies)), and compliant contacts.
     pub joints: bool,
     /// Exact friction in its own iterations ([`CcpSolver::solve_exact`]).
     pub exact: bool,
@@ -32,8 +32,7 @@ impl Capabilities {
     /// Whether a method takes these bodies as they are. Who does not is given N as a matrix.
     pub(crate) fn take(self, rigid: &RigidDelassus) -> bool {
         let takes_cell = self.cell || rigid.cell().is_none();
-        let takes_joints = self.joints || rigid.coupled().is_empty();
-        takes_cell && takes_joints && rigid.compliance().is_empty()
+        takes_cell && (self.joints || rigid.coupled().is_empty() && rigid.compliance().is_empty())
     }
 
     /// Whether a problem is among them.

@@ -290,8 +290,9 @@ mod tests {
     use crate::solver::Status;
     use std::collections::BTreeSet;
 
-    /// Random contacts over bodies of which every fourth is in one of three mechanisms.
-    fn problem(bodies: usize, contacts: usize) -> Ccp {
+    /// Random contacts, of which two in three may be compliant, over bodies of which every fourth is in one
+    /// of three mechanisms.
+    fn problem(bodies: usize, contacts: usize, is_compliant: bool) -> Ccp {
         let mut random = uniform(5);
         let of = |(first, degrees): (u32, usize)| {
             let own: Vec<u32> = (first..bodies as u32).step_by(12).collect();
@@ -299,7 +300,9 @@ mod tests {
             CoupledBodies { bodies: own, degrees, factor }
         };
         let coupled = [(0, 2), (4, 8), (8, 13)].map(of).to_vec();
-        solvable(random_rigid(bodies, contacts, 7).with_coupled(coupled))
+        let compliance = if is_compliant { contacts } else { 0 };
+        let compliance = (0..compliance).map(|i| f64::from((i % 3) as u32)).collect();
+        solvable(random_rigid(bodies, contacts, 7).with_coupled(coupled).with_compliance(compliance))
     }
 
     fn velocities(problem: &Ccp, solver: &mut dyn CcpSolver, settings: &SolveSettings) -> Vec<f64> {
@@ -312,8 +315,10 @@ mod tests {
     }
 
     fn agree<S: FirstOrderMethod>(method: impl Fn() -> S) {
-        for (bodies, contacts) in [(30, 40), (600, 900)] {
-            let over_bodies = problem(bodies, contacts);
+        for (bodies, contacts, is_compliant) in
+            [(30, 40, false), (600, 900, false), (30, 40, true), (600, 900, true)]
+        {
+            let over_bodies = problem(bodies, contacts, is_compliant);
             let over_rows = over_bodies.as_matrix_if(|_| true, &mut None).unwrap();
             for (tolerance, allowed) in [(1e-9, 1e-6), (2e-3, 0.3)] {
                 let settings = SolveSettings { tolerance, ..SolveSettings::default() };
@@ -325,8 +330,8 @@ mod tests {
         }
     }
 
-    /// The velocities that impulses make are unique: over mechanisms they are those over the rows of N, in
-    /// double and begun in single precision.
+    /// The velocities that impulses make are unique: over mechanisms and compliant contacts they are those
+    /// over the rows of N, in double and begun in single precision.
     #[test]
     fn mechanisms_do_what_the_matrix_does() {
         agree(Apgd::default);
@@ -337,7 +342,7 @@ mod tests {
     /// A solver by name takes them, with exact friction; methods of second order do by the rows of N.
     #[test]
     fn solvers_by_name_take_mechanisms() {
-        let problem = problem(60, 80);
+        let problem = problem(60, 80, true);
         for name in ["auto", "apgd", "apgs", "pgs", "ipm"] {
             let mut solver = name.parse::<crate::SolverSpec>().unwrap().build().unwrap();
             let settings = SolveSettings {
@@ -354,7 +359,7 @@ mod tests {
     /// Contacts of one mechanism are in no two batches that are swept side by side.
     #[test]
     fn contacts_of_a_mechanism_wait_for_each_other() {
-        let problem = problem(600, 900);
+        let problem = problem(600, 900, false);
         let crate::Delassus::Rigid(rigid) = &*problem.delassus else { unreachable!() };
         let packing = super::super::packing::pack(rigid);
         let mut movers = BTreeSet::new();

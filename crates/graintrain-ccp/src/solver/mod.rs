@@ -28,6 +28,7 @@ mod body_pass;
 pub mod cascade;
 mod cell_images;
 pub mod combination;
+mod compliance;
 pub mod dispatch;
 pub mod driver;
 pub mod first_order;

@@ -157,15 +157,12 @@ impl ScaledProblem {
             }
         };
         let (operator, order) = match &*problem.delassus {
-            Delassus::Rigid(rigid)
-                if rigid.compliance().is_empty() && (rigid.cell().is_none() || !sweeps) =>
-            {
+            Delassus::Rigid(rigid) if rigid.cell().is_none() || !sweeps => {
                 let mut packing = pack(rigid);
                 add_turning(&mut packing.contacts);
                 (Operator::Bodies(Box::new(BodyOperator::new(rigid, &packing, &scaling))), packing.contacts)
             }
-            // With compliant contacts and for sweeps in a stress-controlled cell a product goes through the
-            // rows of N.
+            // For sweeps in a stress-controlled cell a product goes through the rows of N.
             matrix => {
                 let mut order: Vec<u32> = (0..contacts as u32).collect();
                 add_turning(&mut order);
@@ -423,6 +420,7 @@ impl ScaledProblem {
                             contacts: self.contacts(batches.clone()),
                             bodies,
                             velocity,
+                            compression: bodies.compliance().within(image, batches.clone()),
                             batches,
                             vectors,
                             slots,
@@ -649,7 +647,12 @@ impl ScaledProblem {
     /// What is known about some batches.
     #[inline(always)]
     fn contacts(&self, batches: std::ops::Range<usize>) -> ContactArrays<'_> {
+        let compliance = match &self.operator {
+            Operator::Bodies(bodies) => bodies.compliance().of(batches.clone()),
+            Operator::Rows(_) => &[],
+        };
         ContactArrays {
+            compliance,
             friction: &self.friction[batches.clone()],
             metric: &self.metric[batches.clone()],
             r: &self.r[batches.clone()],

@@ -18,14 +18,16 @@ pub(super) struct SlotTable {
     places: Vec<[u32; 2]>,
     /// Slots of chunk c are `chunk_start[c]..chunk_start[c + 1]`.
     chunk_start: Vec<usize>,
+    /// Slots at the end of each chunk that are nobody's.
+    behind: usize,
     /// Slots of the body at place b are `slots[slot_start[b]..slot_start[b + 1]]`, chunk ascending.
     slot_start: Vec<u32>,
     slots: Vec<u32>,
 }
 
 impl SlotTable {
-    /// For chunks of so many places.
-    pub(super) fn new(rigid: &RigidDelassus, packing: &Packing, chunk_len: usize) -> Self {
+    /// For chunks of so many places, with so much room behind the slots of each.
+    pub(super) fn new(rigid: &RigidDelassus, packing: &Packing, chunk_len: usize, behind: usize) -> Self {
         let bodies = packing.num_places();
         let fixed = bodies as u32;
         let mut places = vec![[0; 2]; packing.contacts.len()];
@@ -47,6 +49,7 @@ impl SlotTable {
                         *slot = known.1;
                     }
                 }
+                owners.resize(owners.len() + behind, fixed);
                 owners
             };
         let owners: Vec<Vec<u32>> = chunks.enumerate().map_init(none_met, owners_of).collect();
@@ -76,7 +79,7 @@ impl SlotTable {
                 next[body as usize] += 1;
             }
         }
-        Self { places, chunk_start, slot_start, slots }
+        Self { places, chunk_start, behind, slot_start, slots }
     }
 
     /// The same without what [`Self::of_place`] tells, once that is known elsewhere.
@@ -87,6 +90,11 @@ impl SlotTable {
     /// Slots of bodies A and B of the contact at a place, counted from the first slot of its chunk.
     pub(super) fn of_place(&self, place: usize) -> [u32; 2] {
         self.places[place]
+    }
+
+    /// Where the room behind the slots of a chunk begins.
+    pub(super) fn behind(&self, chunk: usize) -> usize {
+        self.chunk_start[chunk + 1] - self.behind
     }
 
     /// Number of slots of all chunks.

@@ -149,6 +149,8 @@ impl<V: Vector> TurningBatch<V> {
 /// What [`ContactBatch`] is taken from, for some batches.
 #[derive(Clone, Copy)]
 pub(super) struct ContactArrays<'a> {
+    /// c' of compliant contacts; empty where all are rigid.
+    pub(super) compliance: &'a [Lanes],
     pub(super) friction: &'a [Lanes],
     pub(super) metric: &'a [Metric],
     pub(super) r: &'a [Batch],

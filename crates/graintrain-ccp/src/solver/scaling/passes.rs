@@ -7,7 +7,7 @@ use super::super::lanes::{
     Batch, Lanes, TaskWork, Vector, add, in_place, load, store, tangential_length, zero,
 };
 use super::super::momentum::{extrapolate, extrapolated};
-use super::super::tasks::Tally;
+use super::super::tasks::{CHUNK, Tally};
 use super::contacts::{ContactArrays, ContactBatch, TurningBatch};
 use super::kernel::{Kernel, KernelInput, Relaxation};
 
@@ -19,6 +19,8 @@ pub(super) struct BodyPass<'a, const M: usize, const GATHER: bool, const SCATTER
     pub(super) contacts: ContactArrays<'a>,
     pub(super) bodies: &'a BodyOperator,
     pub(super) velocity: &'a [BodyPair],
+    /// C y; empty where all contacts are rigid.
+    pub(super) compression: &'a [Lanes],
     pub(super) batches: std::ops::Range<usize>,
     pub(super) vectors: [&'a mut [Batch]; M],
     pub(super) slots: &'a mut [BodyPair],
@@ -33,10 +35,9 @@ where
 {
     #[inline(always)]
     fn run<V: Vector>(self) {
-        let Self { contacts, bodies, velocity, batches, vectors, slots, tally: total, kernel } = self;
-        if SCATTER {
-            slots.fill(BodyPair::default());
-        }
+        let Self { contacts, bodies, velocity, compression, batches, vectors, slots, tally: total, kernel } =
+            self;
+        let mut left = Left::of(&contacts, slots, SCATTER);
         let mut vectors = vectors.map(in_place::<V>);
         let mut tally = Tally::default();
         let following = &bodies.geometry()[batches.start..];
@@ -45,7 +46,7 @@ where
             let mut batch = 0;
             while let Some(own) = geometry.get(batch) {
                 let contact = contacts.at(batch);
-                let u = seen::<GATHER, M, K, V>(own, velocity, &contact);
+                let u = seen::<GATHER, M, K, V>(own, (velocity, compression.get(batch)), &contact);
                 if let Some(turning) = contacts.turning_at::<V>(batch) {
                     let rows = &geometry[batch + 1];
                     let w = match (GATHER, K::GRADIENT) {
@@ -56,8 +57,8 @@ where
                     let mine = vectors.each_mut().map(|v| pair_of(v, batch));
                     let [s, turn] = both(kernel, contact, &turning, [u, w], mine, &mut tally);
                     if SCATTER {
-                        own.scatter(&s, slots);
-                        rows.scatter_turning(&turn, slots);
+                        left.take(own, batch, &s);
+                        rows.scatter_turning(&turn, left.slots);
                     }
                     batch += 2;
                 } else {
@@ -66,7 +67,7 @@ where
                     let mine = vectors.each_mut().map(|v| &mut v[batch]);
                     let s = kernel.at(contact, KernelInput { u, projected }, mine, &mut tally);
                     if SCATTER {
-                        own.scatter(&s, slots);
+                        left.take(own, batch, &s);
                     }
                     batch += 1;
                 }
@@ -77,11 +78,11 @@ where
         if K::SHORT {
             for (batch, geometry) in geometry.iter().enumerate() {
                 let contact = contacts.at(batch);
-                let u = seen::<GATHER, M, K, V>(geometry, velocity, &contact);
+                let u = seen::<GATHER, M, K, V>(geometry, (velocity, compression.get(batch)), &contact);
                 let mine = vectors.each_mut().map(|v| &mut v[batch]);
                 let s = kernel.at(contact, KernelInput { u, projected: zero() }, mine, &mut tally);
                 if SCATTER {
-                    geometry.scatter(&s, slots);
+                    left.take(geometry, batch, &s);
                 }
             }
             *total = tally.store();
@@ -90,7 +91,7 @@ where
         // Three batches are under way at once: the root of one, the quotient of the one before, the update of
         // the one before that. Roots and quotients take tens of cycles, which the processor hides only where
         // enough is at hand that does not wait for them.
-        let ahead = Ahead { kernel, contacts, geometry, velocity };
+        let ahead = Ahead { kernel, contacts, geometry, velocity, compression };
         let last = geometry.len() - 1;
         let mut input = ahead.input::<V, M>(0, &ahead.rooted::<GATHER, V, M>(0, &vectors));
         let mut rooted = ahead.rooted::<GATHER, V, M>(last.min(1), &vectors);
@@ -105,10 +106,39 @@ where
             let mine = vectors.each_mut().map(|v| &mut v[batch]);
             let s = kernel.at(contacts.at(batch), now, mine, &mut tally);
             if SCATTER {
-                this_geometry.scatter(&s, slots);
+                left.take(this_geometry, batch, &s);
             }
         }
         *total = tally.store();
+    }
+}
+
+/// Where the contacts of a chunk leave what they do.
+struct Left<'a> {
+    slots: &'a mut [BodyPair],
+    /// c' of compliant contacts, and where C s goes.
+    compliance: &'a [Lanes],
+    compression: &'a mut [Lanes],
+}
+
+impl<'a> Left<'a> {
+    #[inline(always)]
+    fn of(contacts: &ContactArrays<'a>, slots: &'a mut [BodyPair], clear: bool) -> Self {
+        let behind = if contacts.compliance.is_empty() { 0 } else { CHUNK / 2 };
+        let (slots, behind) = slots.split_at_mut(slots.len() - behind);
+        if clear {
+            slots.fill(BodyPair::default());
+        }
+        Self { slots, compliance: contacts.compliance, compression: behind.as_flattened_mut() }
+    }
+
+    /// The impulses of a batch of contacts.
+    #[inline(always)]
+    fn take<V: Vector>(&mut self, geometry: &Geometry, batch: usize, s: &Batch<V>) {
+        geometry.scatter(s, self.slots);
+        if let Some(compliance) = self.compliance.get(batch) {
+            self.compression[batch] = (V::of(*compliance) * s[0]).lanes();
+        }
     }
 }
 
@@ -140,6 +170,7 @@ struct Ahead<'a, K> {
     contacts: ContactArrays<'a>,
     geometry: &'a [Geometry],
     velocity: &'a [BodyPair],
+    compression: &'a [Lanes],
 }
 
 /// A point to be projected and its tangential length, with u.
@@ -160,7 +191,8 @@ impl<K> Ahead<'_, K> {
         K: Kernel<M>,
     {
         let contact = self.contacts.at(batch);
-        let u = seen::<GATHER, M, K, V>(&self.geometry[batch], self.velocity, &contact);
+        let image = (self.velocity, self.compression.get(batch));
+        let u = seen::<GATHER, M, K, V>(&self.geometry[batch], image, &contact);
         let point = self.kernel.point(contact, &u, vectors.each_ref().map(|v| &v[batch]));
         Rooted { u, point, tangential: tangential_length(&point) }
     }
@@ -182,13 +214,16 @@ impl<K> Ahead<'_, K> {
 #[inline(always)]
 fn seen<const GATHER: bool, const M: usize, K: Kernel<M>, V: Vector>(
     geometry: &Geometry,
-    velocity: &[BodyPair],
+    (velocity, compression): (&[BodyPair], Option<&Lanes>),
     contact: &ContactBatch<V>,
 ) -> Batch<V> {
     if !GATHER {
         return zero();
     }
-    let product = geometry.relative_velocity(velocity);
+    let mut product = geometry.relative_velocity(velocity);
+    if let Some(compression) = compression {
+        product[0] += V::of(*compression);
+    }
     if K::GRADIENT { add(&product, &contact.r) } else { product }
 }
 
@@ -214,6 +249,10 @@ impl<K: Relaxation> TaskWork for BodySweep<'_, K> {
         let mut relaxing = Relaxing { contacts, x, previous, beta, kernel, tally: Tally::default() };
         bodies.sweep::<V>(image, &mut relaxing);
         *tally = relaxing.tally.store();
+        let compression = bodies.compliance().all_within(image);
+        for (batch, compression) in compression.iter_mut().enumerate() {
+            *compression = (V::of(contacts.compliance[batch]) * relaxing.x[batch][0]).lanes();
+        }
     }
 }
 
@@ -234,6 +273,15 @@ impl<V: Vector, K: Relaxation> Relaxing<'_, V, K> {
         extrapolated(&self.x[batch], &self.previous[batch], self.beta)
     }
 
+    /// u + C y.
+    #[inline(always)]
+    fn with_compression(&self, batch: usize, mut u: Batch<V>, y: &Batch<V>) -> Batch<V> {
+        if let Some(compliance) = self.contacts.compliance.get(batch) {
+            u[0] += V::of(*compliance) * y[0];
+        }
+        u
+    }
+
     /// As [`take`].
     #[inline(always)]
     fn take(&mut self, batch: usize, y: &Batch<V>, new: &Batch<V>, moves: V) -> Batch<V> {
@@ -245,8 +293,8 @@ impl<V: Vector, K: Relaxation> Update<V> for Relaxing<'_, V, K> {
     #[inline(always)]
     fn at(&mut self, batch: usize, velocity: &Batch<V>, moves: V) -> Batch<V> {
         let contact = self.contacts.at(batch);
-        let u = add(velocity, &contact.r);
         let y = self.point(batch);
+        let u = self.with_compression(batch, add(velocity, &contact.r), &y);
         let new = self.kernel.relaxed(batch, contact, &u, &y);
         self.take(batch, &y, &new, moves)
     }
@@ -255,8 +303,8 @@ impl<V: Vector, K: Relaxation> Update<V> for Relaxing<'_, V, K> {
     fn at_turning(&mut self, batch: usize, [u, w]: [Batch<V>; 2], moves: V) -> [Batch<V>; 2] {
         let contact = self.contacts.at(batch);
         let turning = self.contacts.turning_at(batch).expect("the contacts resist turning");
-        let u = [add(&u, &contact.r), add(&w, &turning.rows.r)];
         let y = [self.point(batch), self.point(batch + 1)];
+        let u = [self.with_compression(batch, add(&u, &contact.r), &y[0]), add(&w, &turning.rows.r)];
         let new = self.kernel.relaxed_turning(batch, contact, turning, &u, y.each_ref());
         [self.take(batch, &y[0], &new[0], moves), self.take(batch + 1, &y[1], &new[1], moves)]
     }

@@ -16,6 +16,7 @@ mod sweep;
 
 use super::body_pass::BODIES;
 use super::cell_images::PackedCell;
+use super::compliance::PackedCompliance;
 use super::lanes::Batch;
 use super::mechanisms::PackedMechanisms;
 use super::octet::{EIGHT, Octet};
@@ -66,18 +67,17 @@ pub struct SingleProblem {
     sweeps: Option<Sweeps>,
 }
 
-/// Whether the solve may begin in single precision: over rigid bodies, contacts that are rigid and let them
-/// turn, not too few of them, not too tight a tolerance.
+/// Whether the solve may begin in single precision: over rigid bodies, contacts that let them turn, not too
+/// few of them, not too tight a tolerance.
 pub(super) fn suits(problem: &Ccp, settings: &SolveSettings) -> bool {
-    let Delassus::Rigid(rigid) = &*problem.delassus else { return false };
+    if matches!(&*problem.delassus, Delassus::Sparse(_)) {
+        return false;
+    }
     let least = match settings.criterion {
         Criterion::Mixed => LEAST_TOLERANCE,
         Criterion::Maximum => LEAST_MAXIMUM,
     };
-    rigid.compliance().is_empty()
-        && problem.turning.is_empty()
-        && problem.num_contacts() >= FEWEST_CONTACTS
-        && settings.tolerance >= least
+    problem.turning.is_empty() && problem.num_contacts() >= FEWEST_CONTACTS && settings.tolerance >= least
 }
 
 /// Units of mobility (1/kg) and length (m), in which the numbers of a problem are near one.
@@ -209,8 +209,9 @@ impl SingleProblem {
     ) -> Option<Self> {
         let Delassus::Rigid(rigid) = &*problem.delassus else { return None };
         let (packing, blocks) = packed(rigid, &problem.r, sweeps);
-        let slots = SlotTable::new(rigid, &packing, CHUNK * EIGHT);
-        let alone = ranks.filter(|_| rigid.cell().is_none());
+        let behind = PackedCompliance::<Octet>::per_chunk(rigid, CHUNK);
+        let slots = SlotTable::new(rigid, &packing, CHUNK * EIGHT, behind);
+        let alone = ranks.filter(|_| rigid.cell().is_none() && behind == 0);
         let share = slots.share(alone, BODIES, |place| packing.is_coupled(place));
         let scaling = block_scaling(problem, residual);
         let [mobility, length] = units(rigid);
@@ -242,6 +243,8 @@ impl SingleProblem {
         let masses = inverse_masses(&packing, rigid.inverse_mass(), [mobility, length]);
         let cell = PackedCell::new(rigid, &packing.images, [mobility, length]);
         let first = packing.num_places() + 1 + usize::from(cell.is_some());
+        let mechanisms = PackedMechanisms::new(rigid, &packing, [mobility, length], first);
+        let first = first + mechanisms.as_ref().map_or(0, PackedMechanisms::len);
         let operator = SingleOperator {
             arrangement,
             contacts: vec![ContactNumbers::default(); batches],
@@ -249,7 +252,8 @@ impl SingleProblem {
             slots: slots.without_places(),
             num_places: packing.num_places(),
             cell,
-            mechanisms: PackedMechanisms::new(rigid, &packing, [mobility, length], first),
+            mechanisms,
+            compliance: PackedCompliance::new(rigid, &packing.contacts, &scaling, (first, CHUNK)),
             share,
         };
         let sweeps =
@@ -296,6 +300,7 @@ impl SingleProblem {
             && self.metric.par_iter().all(metric)
             && self.operator.masses.diagonal.iter().all(finite)
             && self.operator.masses.others.as_flattened().iter().all(finite)
+            && self.operator.compliance.of(0..self.operator.compliance.len()).iter().all(finite)
             && self.operator.mechanisms.as_ref().is_none_or(PackedMechanisms::is_finite)
     }
 

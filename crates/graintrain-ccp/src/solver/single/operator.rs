@@ -3,6 +3,7 @@
 use super::super::body_pass::{num_body_tasks, over_bodies};
 use super::super::cell_images::PackedCell;
 use super::super::combination::Combination;
+use super::super::compliance::PackedCompliance;
 use super::super::dispatch::vectorised;
 use super::super::lanes::{Batch, add, tangential_length, zero};
 use super::super::mechanisms::PackedMechanisms;
@@ -99,6 +100,8 @@ pub(super) struct SingleOperator {
     pub(super) cell: Option<PackedCell>,
     /// Bodies that joints couple: their inverse masses are zero here.
     pub(super) mechanisms: Option<PackedMechanisms<Octet>>,
+    /// Compliant contacts.
+    pub(super) compliance: PackedCompliance<Octet>,
     /// What this rank does of a pass, where there are several.
     pub(super) share: Option<Box<Share>>,
 }
@@ -110,11 +113,11 @@ pub(super) fn own_batches(share: Option<&Share>, batches: usize) -> Range<usize>
 }
 
 impl SingleOperator {
-    /// Vectors of an image: one per body and image, a zero for the fixed body, a cell's L and the q of
-    /// mechanisms.
+    /// Vectors of an image: one per body and image, a zero for the fixed body, a cell's L, the q of
+    /// mechanisms, and C x.
     pub(super) fn image_len(&self) -> usize {
         let mechanisms = self.mechanisms.as_ref().map_or(0, PackedMechanisms::len);
-        self.num_places + 1 + usize::from(self.cell.is_some()) + mechanisms
+        self.num_places + 1 + usize::from(self.cell.is_some()) + mechanisms + self.compliance.len()
     }
 
     pub(super) fn scratch(&self) -> SingleScratch {
@@ -124,6 +127,11 @@ impl SingleOperator {
             tallies: vec![Tally::default(); tasks],
             buffers: Buffers::default(),
         }
+    }
+
+    /// Whether scaled blocks N'_ii of contacts with arms along their normals are unit matrices: of balls.
+    pub(super) fn blocks_are_units(&self) -> bool {
+        self.mechanisms.is_none() && self.compliance.len() == 0 && self.masses.are_isotropic()
     }
 
     /// Batches of the chunks of this rank.
@@ -171,9 +179,12 @@ impl SingleOperator {
             let first = chunk * CHUNK;
             let contacts = &self.contacts[first..];
             let geometry = &geometry[first..];
+            let batches = first..first + vectors[0].len();
             vectorised(InSingle(ContactPass::<G, M, GATHER, SCATTER, _> {
                 geometry,
                 contacts,
+                compliance: self.compliance.of(batches.clone()),
+                compression: self.compliance.within(image, batches),
                 first,
                 image,
                 vectors,
@@ -208,6 +219,8 @@ impl SingleOperator {
             let all = all.each_mut().map(|image| &mut **image);
             sum += mechanisms.follow::<Octet, K>((slots, &self.slots), all, combination);
         }
+        let whole = all.each_mut().map(|image| &mut **image);
+        sum += self.compliance.follow((slots, &self.slots), whole, combination);
         match &self.cell {
             Some(cell) => sum + cell.follow((slots, &self.slots), all, combination),
             None => sum,
@@ -219,6 +232,9 @@ impl SingleOperator {
 struct ContactPass<'a, G, const M: usize, const GATHER: bool, const SCATTER: bool, K> {
     geometry: &'a [G],
     contacts: &'a [ContactNumbers],
+    /// c' and C y of compliant contacts; empty where all are rigid.
+    compliance: &'a [Octet],
+    compression: &'a [Octet],
     first: usize,
     image: &'a [Octet],
     vectors: [&'a mut [Batch<Octet>]; M],
@@ -235,14 +251,27 @@ where
 {
     #[inline(always)]
     fn run<V: SingleVector>(self) {
-        let Self { geometry, contacts, first, image, vectors, slots, tally: total, kernel } = self;
+        let Self {
+            geometry,
+            contacts,
+            compliance,
+            compression,
+            first,
+            image,
+            vectors,
+            slots,
+            tally: total,
+            kernel,
+        } = self;
+        let behind = if compliance.is_empty() { 0 } else { CHUNK };
+        let (slots, left) = slots.split_at_mut(slots.len() - behind);
         if SCATTER {
             slots.fill(Octet::default());
         }
         let batches = vectors[0].len();
         let mut vectors = vectors.map(V::of_batches);
         let mut tally = SingleTally::<V>::default();
-        let ahead = Ahead::<GATHER, G, K> { geometry, contacts, first, image, kernel };
+        let ahead = Ahead::<GATHER, G, K> { geometry, contacts, compression, first, image, kernel };
         // Three batches are under way at once, so that the processor has something to do while it waits for
         // roots and quotients.
         let last = batches - 1;
@@ -259,6 +288,9 @@ where
             let s = kernel.at(&seen, projected, mine, &mut tally);
             if SCATTER {
                 own.scatter(&s, slots);
+                if let Some(compliance) = compliance.get(batch) {
+                    left[batch] = (V::of(*compliance) * s[0]).octet();
+                }
             }
         }
         for (sum, own) in total.sum.iter_mut().zip(tally.sum) {
@@ -272,6 +304,7 @@ where
 struct Ahead<'a, const GATHER: bool, G, K> {
     geometry: &'a [G],
     contacts: &'a [ContactNumbers],
+    compression: &'a [Octet],
     first: usize,
     image: &'a [Octet],
     kernel: &'a K,
@@ -293,6 +326,9 @@ impl<const GATHER: bool, G: Geometry, K> Ahead<'_, GATHER, G, K> {
         let mut u = zero();
         if GATHER {
             u = add(&self.geometry[batch].relative_velocity(self.image), &load(&numbers.r));
+            if let Some(compression) = self.compression.get(batch) {
+                u[0] += V::of(*compression);
+            }
         }
         let seen = Seen { batch: self.first + batch, mu: V::of(numbers.mu), u };
         let point = self.kernel.point(&seen, vectors.each_ref().map(|v| &v[batch]));

@@ -78,10 +78,7 @@ impl Sweeps {
             step
         };
         let step = match &operator.arrangement {
-            // Scaled blocks of balls are unit matrices.
-            Arrangement::Radial(all) if operator.mechanisms.is_none() && operator.masses.are_isotropic() => {
-                vec![Octet::splat(1.0); all.len()]
-            }
+            Arrangement::Radial(all) if operator.blocks_are_units() => vec![Octet::splat(1.0); all.len()],
             _ => packing.contacts.par_chunks(EIGHT).with_min_len(CHUNK).map(step_of).collect(),
         };
         let places_of = |batch: usize| match &operator.arrangement {
@@ -160,6 +157,10 @@ impl Sweeps {
         }
         if let Some(mechanisms) = &operator.mechanisms {
             mechanisms.bring_all::<Octet>(image);
+        }
+        let compliance = operator.compliance.of(0..operator.compliance.len());
+        for (batch, compression) in operator.compliance.all_within(image).iter_mut().enumerate() {
+            *compression = compliance[batch] * x[batch][0];
         }
         total
     }
@@ -355,6 +356,7 @@ impl<G: Geometry, const EXACT: bool> SingleWork for PartOver<'_, '_, G, EXACT> {
         }
         let has_window = !window.is_empty();
         let known = if has_window { &mut window[..] } else { &mut image[..] };
+        let compliance = operator.compliance.of(batches.clone());
         let [x, previous] = vectors;
         let (x, previous) = (V::of_batches(x), V::of_batches(previous));
         let mut tally = SingleTally::<V>::default();
@@ -378,8 +380,11 @@ impl<G: Geometry, const EXACT: bool> SingleWork for PartOver<'_, '_, G, EXACT> {
                     if let Some(mechanisms) = mechanisms {
                         bring::<V>(places, moves, mechanisms, known);
                     }
-                    let u = own.relative([velocities(&places[0], known), velocities(&places[1], known)]);
+                    let mut u = own.relative([velocities(&places[0], known), velocities(&places[1], known)]);
                     let y = extrapolated(x, previous, beta);
+                    if let Some(compliance) = compliance.get(offset) {
+                        u[0] += V::of(*compliance) * y[0];
+                    }
                     let point = sub(&y, &scale(step, &add(&u, &r)));
                     let tangential = tangential_length(&point);
                     let new = match EXACT {

@@ -1,0 +1,139 @@
+//! Compliant contacts among those that passes see.
+//!
+//! With N = D^T M^-1 D + C an image of x has C x, one number per contact, behind all else: it is linear in x
+//! like the velocities of bodies, and a pass adds it to the normal components of D^T v. What a pass over the
+//! contacts makes of it is left behind the slots of their chunk.
+
+use super::combination::Combination;
+use super::lanes::{LANES, Lanes, Numbers};
+use super::octet::{EIGHT, Octet};
+use super::packing::EMPTY;
+use super::slots::SlotTable;
+use crate::delassus::RigidDelassus;
+use std::ops::Range;
+
+/// One number of each contact of a batch, as it lies in memory.
+pub(super) trait Row: Numbers {
+    /// Contacts of a batch.
+    const CONTACTS: usize;
+    /// How many of these a slot takes.
+    const PER_SLOT: usize;
+
+    /// Sets that of one contact.
+    fn set(&mut self, lane: usize, x: f64);
+
+    /// Sum over the contacts.
+    fn total(self) -> f64;
+}
+
+impl Row for Lanes {
+    const CONTACTS: usize = LANES;
+    const PER_SLOT: usize = 2;
+
+    fn set(&mut self, lane: usize, x: f64) {
+        self.0[lane] = x;
+    }
+
+    fn total(self) -> f64 {
+        self.sum()
+    }
+}
+
+impl Row for Octet {
+    const CONTACTS: usize = EIGHT;
+    const PER_SLOT: usize = 1;
+
+    fn set(&mut self, lane: usize, x: f64) {
+        self.0[lane] = x as f32;
+    }
+
+    fn total(self) -> f64 {
+        self.sum()
+    }
+}
+
+/// C of the scaled problem; without batches where all contacts are rigid.
+#[derive(Clone, Debug)]
+pub(super) struct PackedCompliance<R> {
+    /// c' of every batch.
+    rows: Vec<R>,
+    /// 1 / c', or zero.
+    stiffness: Vec<R>,
+    /// Where C x begins in an image.
+    first: usize,
+    /// Batches per chunk.
+    chunk: usize,
+}
+
+impl<R: Row> PackedCompliance<R> {
+    /// Of contacts in this order, with their factors; `first` is where C x begins in an image, `chunk` the
+    /// number of batches of a chunk.
+    pub(super) fn new(
+        rigid: &RigidDelassus,
+        order: &[u32],
+        scaling: &[[f64; 2]],
+        (first, chunk): (usize, usize),
+    ) -> Self {
+        let batches = if rigid.compliance().is_empty() { 0 } else { order.len().div_ceil(R::CONTACTS) };
+        let (mut rows, mut stiffness) = (vec![R::default(); batches], vec![R::default(); batches]);
+        for (place, &i) in order.iter().enumerate().filter(|&(_, &i)| batches > 0 && i != EMPTY) {
+            let given = rigid.compliance().get(i as usize).copied().unwrap_or(0.0);
+            let c = given * scaling[i as usize][0].powi(2);
+            if c > 0.0 {
+                rows[place / R::CONTACTS].set(place % R::CONTACTS, c);
+                stiffness[place / R::CONTACTS].set(place % R::CONTACTS, c.recip());
+            }
+        }
+        Self { rows, stiffness, first, chunk }
+    }
+
+    /// c' of some batches.
+    pub(super) fn of(&self, batches: Range<usize>) -> &[R] {
+        if self.rows.is_empty() { &[] } else { &self.rows[batches] }
+    }
+
+    /// Number of vectors that C x takes in an image.
+    pub(super) fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Slots that it takes behind those of a chunk.
+    pub(super) fn per_chunk(rigid: &RigidDelassus, chunk: usize) -> usize {
+        if rigid.compliance().is_empty() { 0 } else { chunk.div_ceil(R::PER_SLOT) }
+    }
+
+    /// C x of some batches in an image that has it.
+    pub(super) fn within<'a>(&self, image: &'a [R], batches: Range<usize>) -> &'a [R] {
+        if self.rows.is_empty() || image.is_empty() {
+            return &[];
+        }
+        &image[self.first + batches.start..self.first + batches.end]
+    }
+
+    /// C x of all batches in an image.
+    pub(super) fn all_within<'a>(&self, image: &'a mut [R]) -> &'a mut [R] {
+        let first = self.first.min(image.len());
+        let end = (first + self.len()).min(image.len());
+        &mut image[first..end]
+    }
+
+    /// Combines what the contacts left in `slots` with images; its part of the quadratic form.
+    pub(super) fn follow<const K: usize>(
+        &self,
+        (slots, table): (&[R], &SlotTable),
+        images: [&mut [R]; K],
+        combination: &impl Combination<K>,
+    ) -> f64 {
+        let mut images = images.map(|image| self.all_within(image));
+        let mut quadratic = 0.0;
+        for (batch, stiffness) in self.stiffness.iter().enumerate() {
+            let fresh = slots[R::PER_SLOT * table.behind(batch / self.chunk) + batch % self.chunk];
+            quadratic += (fresh * fresh * *stiffness).total();
+            let known = images.each_ref().map(|image| image[batch]);
+            for (image, new) in images.iter_mut().zip(combination.of(fresh, known)) {
+                image[batch] = new;
+            }
+        }
+        quadratic
+    }
+}
