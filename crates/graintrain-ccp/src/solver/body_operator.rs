@@ -6,9 +6,7 @@ use super::cell_images::PackedCell;
 use super::combination::Combination;
 use super::compliance::PackedCompliance;
 use super::dispatch::vectorised;
-use super::lanes::{
-    Batch, LANES, Lanes, Numbers, TaskWork, Vector, ZERO, add, cross, dot, load, scale, sub, zero,
-};
+use super::lanes::{Batch, LANES, Lanes, TaskWork, Vector, ZERO, add, cross, dot, load, scale, sub, zero};
 use super::mechanisms::{PackedMechanisms, Register};
 use super::packing::{EMPTY, Packing, turning_batches};
 use super::ranks::Ranks;
@@ -121,14 +119,6 @@ impl Geometry {
         }
     }
 
-    /// Whether nothing that moves is in two of these contacts.
-    fn is_apart(&self, packing: &Packing) -> bool {
-        let fixed = packing.num_places() as u32;
-        let movers = |l: usize| [self.body_a[l], self.body_b[l]].map(|body| packing.mover(body));
-        let of = |l: usize| movers(l).into_iter().filter(move |&body| body != fixed);
-        (1..LANES).all(|l| of(l).all(|body| (0..l).all(|earlier| of(earlier).all(|other| other != body))))
-    }
-
     /// Adds M^-1 of the impulses of one contact to the velocities of its bodies.
     #[inline(always)]
     fn push<V: Vector>(
@@ -195,8 +185,6 @@ pub(super) struct BodyOperator {
     /// resists turning.
     turning: Vec<bool>,
     runs: Vec<Run>,
-    /// Where contacts resist turning, for every batch whether its contacts share nothing that moves.
-    apart: Vec<bool>,
     /// In the order of the packing, like everything per body; that of the fixed body, zero, comes last.
     inverse_mass: Vec<InverseMass>,
     num_bodies: usize,
@@ -218,7 +206,7 @@ pub(super) struct BodyOperator {
 /// Batches whose contacts share no body if that can be arranged: a sweep of Gauss-Seidel computes them
 /// together.
 pub(super) const TOGETHER: usize = 4;
-/// Consecutive batches that a sweep of Gauss-Seidel treats alike.
+/// Consecutive batches of contacts (with their turning rows) that a sweep of Gauss-Seidel treats alike.
 #[derive(Clone, Copy, Debug)]
 struct Run {
     first: usize,
@@ -229,13 +217,15 @@ struct Run {
     coupled: bool,
 }
 
-/// Divides the batches into the longest runs of at most [`TOGETHER`] whose contacts share nothing that moves.
-fn runs(geometry: &[Geometry], packing: &Packing) -> Vec<Run> {
+/// Divides the batches of contacts into the longest runs of at most [`TOGETHER`] whose contacts share nothing
+/// that moves; those of turning rows go with the batches before them.
+fn runs(geometry: &[Geometry], turning: &[bool], packing: &Packing) -> Vec<Run> {
     let fixed = packing.num_places() as u32;
     let mut runs: Vec<Run> = Vec::new();
     // For every body the run, then the batch, that moved it last.
     let mut moved_by = vec![(usize::MAX, usize::MAX); fixed as usize];
-    for (batch, g) in geometry.iter().enumerate() {
+    let is_of_contacts = |(batch, _): &(usize, &Geometry)| turning.get(*batch) != Some(&true);
+    for (batch, g) in geometry.iter().enumerate().filter(is_of_contacts) {
         let (mut free, mut apart) = (true, true);
         let current = runs.len().wrapping_sub(1);
         for lane in 0..LANES {
@@ -328,15 +318,13 @@ impl BodyOperator {
                 inverse_mass[place as usize] = InverseMass::new(inverse);
             }
         }
-        let runs = runs(&geometry, packing);
+        let turning = turning_batches(order, rigid.num_contacts());
+        let runs = runs(&geometry, &turning, packing);
         let cell = PackedCell::new(rigid, &packing.images, [1.0; 2]).map(Box::new);
         let first = num_places + 1 + usize::from(cell.is_some());
         let mechanisms = PackedMechanisms::new(rigid, packing, [1.0; 2], first).map(Box::new);
         let first = 2 * (first + mechanisms.as_ref().map_or(0, |mechanisms| mechanisms.len()));
-        let turning = turning_batches(order, rigid.num_contacts());
-        let apart = if turning.is_empty() { &[] } else { &geometry[..] };
         Self {
-            apart: apart.iter().map(|geometry| geometry.is_apart(packing)).collect(),
             geometry,
             turning,
             runs,
@@ -420,7 +408,7 @@ impl BodyOperator {
         let mut sum = over_bodies(self.share(), images, tallies, buffers, &work);
         if let Some(mechanisms) = &self.mechanisms {
             let all = all.each_mut().map(|image| &mut **image);
-            sum += mechanisms.follow::<BodyPair, K>((slots, &self.slots), all, combination);
+            sum += mechanisms.follow((slots, &self.slots), all, combination);
         }
         let flat = all.each_mut().map(|image| image.as_flattened_mut());
         sum += self.compliance.follow((slots.as_flattened(), &self.slots), flat, combination);
@@ -457,44 +445,6 @@ impl BodyOperator {
         }
     }
 
-    /// As [`Self::sweep`] where contacts resist turning: a batch and its turning rows together, batches that
-    /// share nothing that moves within themselves at once, others contact by contact.
-    #[inline(always)]
-    fn sweep_with_turning<V: Vector>(&self, image: &mut [BodyPair], contacts: &mut impl Update<V>) {
-        let coupled = self.mechanisms.is_some();
-        let mut batch = 0;
-        while let Some(geometry) = self.geometry.get(batch) {
-            let turns = self.turning.get(batch + 1) == Some(&true);
-            let mut one_by_one = [Lanes::default(); LANES];
-            for (lane, moves) in one_by_one.iter_mut().enumerate() {
-                moves.0[lane] = 1.0;
-            }
-            let all = [Lanes::splat(1.0)];
-            let moves = if self.apart[batch] { &all[..] } else { &one_by_one[..] };
-            for moves in moves {
-                self.bring::<V>(geometry, 0..LANES, image);
-                let u = geometry.relative_velocity(image);
-                let moved = |lane: &usize| moves.0[*lane] != 0.0;
-                if turns {
-                    let turning = &self.geometry[batch + 1];
-                    let velocity = [u, turning.relative_spin(image)];
-                    let [change, turn] = contacts.at_turning(batch, velocity, V::of(*moves));
-                    let (world, moments) = (geometry.world_impulses(&change), turning.world_moments(&turn));
-                    for lane in (0..LANES).filter(moved) {
-                        self.push((geometry, coupled), lane, &world, image);
-                        self.push((turning, coupled), lane, &moments, image);
-                    }
-                } else {
-                    let world = geometry.world_impulses(&contacts.at(batch, &u, V::of(*moves)));
-                    for lane in (0..LANES).filter(moved) {
-                        self.push((geometry, coupled), lane, &world, image);
-                    }
-                }
-            }
-            batch += 1 + usize::from(turns);
-        }
-    }
-
     /// Gauss-Seidel over all contacts: `contacts` get the velocities D^T v of a batch and change its
     /// impulses; the velocities of the bodies follow at once. Batches of a [`Run`] that share nothing that
     /// moves are computed side by side, others contact by contact: the result is that of one contact after
@@ -505,51 +455,91 @@ impl BodyOperator {
         assert!(self.cell.is_none(), "sweeps over a cell go through the rows of N");
         let image = image.as_chunks_mut::<2>().0;
         if self.turning.is_empty() {
-            self.sweep_runs(image, contacts);
+            self.sweep_runs::<V, false>(image, contacts);
         } else {
-            self.sweep_with_turning(image, contacts);
+            self.sweep_runs::<V, true>(image, contacts);
         }
         if let Some(mechanisms) = &self.mechanisms {
             mechanisms.bring_all::<BodyPair<V>>(image);
         }
     }
 
-    /// The same where nothing resists turning.
+    /// The same; `TURNING`: some batches have turning rows.
     #[inline(always)]
-    fn sweep_runs<V: Vector>(&self, image: &mut [BodyPair], contacts: &mut impl Update<V>) {
+    fn sweep_runs<V: Vector, const TURNING: bool>(
+        &self,
+        image: &mut [BodyPair],
+        contacts: &mut impl Update<V>,
+    ) {
+        let turns = |batch: usize| TURNING && self.turning.get(batch + 1) == Some(&true);
         for run in &self.runs {
-            let geometry = &self.geometry[run.first..run.first + run.count];
-            if run.apart {
-                for geometry in geometry.iter().filter(|_| run.coupled) {
-                    self.bring::<V>(geometry, 0..LANES, image);
+            if !run.apart {
+                self.sweep_one_by_one::<V>((run, turns(run.first)), image, contacts);
+                continue;
+            }
+            let mut batches = [run.first; TOGETHER];
+            for k in 1..run.count {
+                batches[k] = batches[k - 1] + 1 + usize::from(turns(batches[k - 1]));
+            }
+            let batches = &batches[..run.count];
+            for &batch in batches.iter().filter(|_| run.coupled) {
+                self.bring::<V>(&self.geometry[batch], 0..LANES, image);
+            }
+            // Short loops, as in a pass.
+            let (mut u, mut w) = ([zero::<V>(); TOGETHER], [zero::<V>(); TOGETHER]);
+            for ((&batch, u), w) in batches.iter().zip(&mut u).zip(&mut w) {
+                *u = self.geometry[batch].relative_velocity(image);
+                if turns(batch) {
+                    *w = self.geometry[batch + 1].relative_spin(image);
                 }
-                // Short loops, as in a pass.
-                let mut u = [zero::<V>(); TOGETHER];
-                for (geometry, u) in geometry.iter().zip(&mut u) {
-                    *u = geometry.relative_velocity(image);
+            }
+            for ((&batch, u), w) in batches.iter().zip(&mut u).zip(&mut w) {
+                if turns(batch) {
+                    [*u, *w] = contacts.at_turning(batch, [*u, *w], V::splat(1.0));
+                } else {
+                    *u = contacts.at(batch, u, V::splat(1.0));
                 }
-                for (k, u) in u.iter_mut().enumerate().take(run.count) {
-                    *u = contacts.at(run.first + k, u, V::splat(1.0));
+            }
+            for ((&batch, u), w) in batches.iter().zip(&u).zip(&w) {
+                let world = self.geometry[batch].world_impulses(u);
+                for lane in 0..LANES {
+                    self.push((&self.geometry[batch], run.coupled), lane, &world, image);
                 }
-                for (geometry, u) in geometry.iter().zip(&u) {
-                    let world = geometry.world_impulses(u);
+                if turns(batch) {
+                    let moments = self.geometry[batch + 1].world_moments(w);
                     for lane in 0..LANES {
-                        self.push((geometry, run.coupled), lane, &world, image);
+                        self.push((&self.geometry[batch + 1], run.coupled), lane, &moments, image);
                     }
                 }
+            }
+        }
+    }
+
+    /// The same at a batch, contact after contact.
+    #[inline(always)]
+    fn sweep_one_by_one<V: Vector>(
+        &self,
+        (run, turns): (&Run, bool),
+        image: &mut [BodyPair],
+        contacts: &mut impl Update<V>,
+    ) {
+        let geometry = &self.geometry[run.first];
+        for lane in 0..LANES {
+            if run.coupled {
+                self.bring::<V>(geometry, lane..lane + 1, image);
+            }
+            let u = geometry.relative_velocity(image);
+            let mut moves = Lanes::default();
+            moves.0[lane] = 1.0;
+            if turns {
+                let turning = &self.geometry[run.first + 1];
+                let velocity = [u, turning.relative_spin(image)];
+                let [change, turn] = contacts.at_turning(run.first, velocity, V::of(moves));
+                self.push((geometry, run.coupled), lane, &geometry.world_impulses(&change), image);
+                self.push((turning, run.coupled), lane, &turning.world_moments(&turn), image);
             } else {
-                for (k, geometry) in geometry.iter().enumerate() {
-                    for lane in 0..LANES {
-                        if run.coupled {
-                            self.bring::<V>(geometry, lane..lane + 1, image);
-                        }
-                        let u = geometry.relative_velocity(image);
-                        let mut moves = Lanes::default();
-                        moves.0[lane] = 1.0;
-                        let change = contacts.at(run.first + k, &u, V::of(moves));
-                        self.push((geometry, run.coupled), lane, &geometry.world_impulses(&change), image);
-                    }
-                }
+                let change = contacts.at(run.first, &u, V::of(moves));
+                self.push((geometry, run.coupled), lane, &geometry.world_impulses(&change), image);
             }
         }
     }

@@ -16,8 +16,9 @@
 use super::body_operator::BodyPair;
 use super::cell_images::Motion;
 use super::combination::Combination;
-use super::lanes::Vector;
-use super::octet::{EIGHT, Octet, SingleVector};
+use super::dispatch::vectorised;
+use super::lanes::{TaskWork, Vector};
+use super::octet::{EIGHT, InSingle, Octet, SingleVector, SingleWork};
 use super::packing::Packing;
 use super::slots::SlotTable;
 use crate::delassus::{CoupledBodies, RigidDelassus};
@@ -245,23 +246,26 @@ impl<M: Motion> PackedMechanisms<M> {
 
     /// Lets the mechanisms in image vectors follow the impulses in the slots; their part of the quadratic
     /// form, |q|^2.
-    pub(super) fn follow<R: Register<M>, const K: usize>(
+    #[inline(always)]
+    fn followed<R: Register<M>, const K: usize>(
         &self,
         (slots, table): (&[M], &SlotTable),
         mut images: [&mut [M]; K],
         combination: &impl Combination<K>,
     ) -> f64 {
         let mut quadratic = 0.0;
+        let mut room = vec![R::default().store(); self.most_places()];
         for mechanism in &self.all {
-            let mut fresh = vec![R::default().store(); mechanism.place.len()];
+            let fresh = &mut room[..mechanism.place.len()];
+            fresh.fill(R::default().store());
             for (body, &place) in mechanism.bodies.iter().enumerate() {
                 let mut sum = R::default();
                 for &slot in table.of_body(place as usize) {
                     sum = sum.plus_scaled(1.0, R::load(slots[slot as usize]));
                 }
-                mechanism.push::<R>(body, sum.store(), &mut fresh);
+                mechanism.push::<R>(body, sum.store(), fresh);
             }
-            for (fresh, place) in fresh.into_iter().zip(mechanism.place.clone()) {
+            for (fresh, place) in fresh.iter().zip(mechanism.place.clone()) {
                 let fresh = fresh.pair();
                 quadratic += fresh.map(|q| (q * q).sum()).iter().sum::<f64>();
                 let known = images.each_ref().map(|image| image[place].pair());
@@ -271,7 +275,69 @@ impl<M: Motion> PackedMechanisms<M> {
                 }
             }
         }
-        images.into_iter().for_each(|image| self.bring_all::<R>(image));
+        for image in images {
+            self.bring_all::<R>(image);
+        }
+        quadratic
+    }
+
+    /// The most places that the q of one mechanism takes.
+    fn most_places(&self) -> usize {
+        self.all.iter().map(|mechanism| mechanism.place.len()).max().unwrap_or(0)
+    }
+}
+
+/// [`PackedMechanisms::followed`] for the vector registers of the processor.
+struct Follow<'a, M, C, const K: usize> {
+    mechanisms: &'a PackedMechanisms<M>,
+    from: (&'a [M], &'a SlotTable),
+    images: [&'a mut [M]; K],
+    combination: &'a C,
+    quadratic: &'a mut f64,
+}
+
+impl<C: Combination<K>, const K: usize> TaskWork for Follow<'_, BodyPair, C, K> {
+    #[inline(always)]
+    fn run<V: Vector>(self) {
+        let Self { mechanisms, from, images, combination, quadratic } = self;
+        *quadratic = mechanisms.followed::<BodyPair<V>, K>(from, images, combination);
+    }
+}
+
+impl<C: Combination<K>, const K: usize> SingleWork for Follow<'_, Octet, C, K> {
+    #[inline(always)]
+    fn run<V: SingleVector>(self) {
+        let Self { mechanisms, from, images, combination, quadratic } = self;
+        *quadratic = mechanisms.followed::<V, K>(from, images, combination);
+    }
+}
+
+impl PackedMechanisms<BodyPair> {
+    /// Lets the mechanisms in image vectors follow the impulses in the slots; their part of the quadratic
+    /// form, |q|^2.
+    pub(super) fn follow<const K: usize>(
+        &self,
+        from: (&[BodyPair], &SlotTable),
+        images: [&mut [BodyPair]; K],
+        combination: &impl Combination<K>,
+    ) -> f64 {
+        let mut quadratic = 0.0;
+        vectorised(Follow { mechanisms: self, from, images, combination, quadratic: &mut quadratic });
+        quadratic
+    }
+}
+
+impl PackedMechanisms<Octet> {
+    /// The same in single precision.
+    pub(super) fn follow<const K: usize>(
+        &self,
+        from: (&[Octet], &SlotTable),
+        images: [&mut [Octet]; K],
+        combination: &impl Combination<K>,
+    ) -> f64 {
+        let mut quadratic = 0.0;
+        let work = Follow { mechanisms: self, from, images, combination, quadratic: &mut quadratic };
+        vectorised(InSingle(work));
         quadratic
     }
 }

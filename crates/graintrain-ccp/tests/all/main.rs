@@ -11,6 +11,7 @@ mod infeasible;
 mod invariance;
 #[cfg(feature = "paper")]
 mod measure;
+mod mechanisms;
 #[cfg(feature = "paper")]
 mod newton;
 mod path_following;

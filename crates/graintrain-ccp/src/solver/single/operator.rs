@@ -217,7 +217,7 @@ impl SingleOperator {
         let mut sum = over_bodies(self.share.as_deref(), images, tallies, buffers, &work);
         if let Some(mechanisms) = &self.mechanisms {
             let all = all.each_mut().map(|image| &mut **image);
-            sum += mechanisms.follow::<Octet, K>((slots, &self.slots), all, combination);
+            sum += mechanisms.follow((slots, &self.slots), all, combination);
         }
         let whole = all.each_mut().map(|image| &mut **image);
         sum += self.compliance.follow((slots, &self.slots), whole, combination);
