@@ -121,7 +121,7 @@ fn solve(problem: &Ccp, method: &str, iterations: usize) -> (f64, usize) {
 fn measure(problem: &Ccp, methods: &[&str]) {
     let contacts = problem.num_contacts();
     let bodies = problem.delassus.num_bodies();
-    let scaled = ScaledProblem::new(problem, &ResidualScale::new(problem), false);
+    let scaled = ScaledProblem::new(problem, &ResidualScale::new(problem));
     let bytes = scaled.product_bytes() as f64;
     let (mut x, mut u) = (scaled.zeros(), scaled.zeros());
     scaled.pack(&vec![1.0; 3 * contacts], &mut x);

@@ -310,28 +310,6 @@ impl Ccp {
         }
     }
 
-    /// # Errors
-    /// [`CcpError::Unsupported`] where contacts resist turning or are compliant, where bodies are coupled or
-    /// the cell is stress-controlled: for solvers that have no cone for the one or take bodies one by one.
-    pub(crate) fn require_sliding_alone(&self, solver: &str) -> Result<(), CcpError> {
-        let reason = match &*self.delassus {
-            _ if !self.turning.is_empty() => {
-                "contacts have rolling or spinning friction, which auto, apgd, apgs, pgs and pj take"
-            }
-            Delassus::Rigid(rigid) if !rigid.coupled().is_empty() => {
-                "joints couple bodies; it takes the problem with N as a matrix"
-            }
-            Delassus::Rigid(rigid) if !rigid.compliance().is_empty() => {
-                "contacts are compliant; it takes the problem with N as a matrix"
-            }
-            Delassus::Rigid(rigid) if rigid.cell().is_some() => {
-                "the periodic cell is stress-controlled; it takes the problem with N as a matrix"
-            }
-            _ => return Ok(()),
-        };
-        Err(CcpError::Unsupported { solver: solver.to_string(), reason: reason.to_string() })
-    }
-
     /// Contacts across the boundary of a stress-controlled cell: N as a matrix has a block for each two of
     /// them.
     pub(crate) fn contacts_across(&self) -> usize {

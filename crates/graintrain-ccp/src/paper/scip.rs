@@ -175,7 +175,7 @@ impl CcpSolver for Scip {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        problem.require_sliding_alone(&self.name())?;
+        self.capabilities().require(&self.name(), problem)?;
         let limits = Limits::start(settings, ITERATIONS);
         check_start(problem, impulse)?;
         let scale = ResidualScale::new(problem);

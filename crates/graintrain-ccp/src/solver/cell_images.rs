@@ -230,7 +230,7 @@ pub(super) mod tests {
         let over_bodies = solvable(random_cell(30, 60, 3));
         let settings = SolveSettings { tolerance: 1e-8, ..SolveSettings::default() };
         let expected = relative_velocities(&over_bodies, &mut FirstOrder::new(Apgd::default()), &settings);
-        let mut sweeps = FirstOrder::new(GaussSeidel::default());
+        let mut sweeps = Cascade::of(Box::new(FirstOrder::new(GaussSeidel::default())));
         let found = relative_velocities(&over_bodies, &mut sweeps, &settings);
         assert!(found.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-6));
         for name in ["auto", "apgd", "ipm"] {
@@ -250,7 +250,8 @@ pub(super) mod tests {
         let over_bodies = solvable(random_cell(400, 900, 11));
         assert!(over_bodies.contacts_across() > 200);
         let settings = SolveSettings { tolerance: 2e-3, ..SolveSettings::default() };
-        relative_velocities(&over_bodies, &mut FirstOrder::new(AcceleratedSweeps::default()), &settings);
+        let mut sweeps = Cascade::of(Box::new(FirstOrder::new(AcceleratedSweeps::default())));
+        relative_velocities(&over_bodies, &mut sweeps, &settings);
         let settings =
             SolveSettings { friction: FrictionModel::Coulomb, max_iterations: Some(300), ..settings };
         let mut g = vec![0.0; over_bodies.r.len()];

@@ -145,18 +145,14 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         settings: &SolveSettings,
         model: FrictionModel,
     ) -> Result<SolveReport, CcpError> {
-        if !M::TURNING {
-            problem.require_sliding_alone(M::NAME)?;
-        }
+        self.capabilities().require(M::NAME, problem)?;
         let limits = Limits::start(settings, ITERATION_LIMIT);
         check_start(problem, impulse)?;
         if let Some(last) = &mut last {
             check_start(problem, last)?;
         }
         let mut begun = Begun::default();
-        // One contact of a stress-controlled cell moves all bodies: sweeps go through the rows of N.
-        let over_bodies = !M::SWEEPS || problem.contacts_across() == 0;
-        if M::SINGLE && over_bodies && single::suits(problem, settings) {
+        if M::SINGLE && single::suits(problem, settings) {
             if last.is_none()
                 && model == settings.friction
                 && let Some(report) = good_enough::<M>(problem, impulse, &limits, model)
@@ -171,7 +167,7 @@ impl<M: FirstOrderMethod> FirstOrder<M> {
         let start = impulse.to_vec();
         let ranks = limits.ranks().filter(|_| M::SHARED);
         let make = |residual: &ResidualScale| {
-            let mut scaled = ScaledProblem::new(problem, residual, M::SWEEPS);
+            let mut scaled = ScaledProblem::new(problem, residual);
             scaled.share_among(ranks);
             Some(scaled)
         };
@@ -295,6 +291,7 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
     fn capabilities(&self) -> Capabilities {
         Capabilities {
             turning: M::TURNING,
+            // One contact of a stress-controlled cell moves all bodies: sweeps go through the rows of N.
             cell: M::TURNING && !M::SWEEPS,
             joints: M::TURNING,
             exact: M::EXACT,

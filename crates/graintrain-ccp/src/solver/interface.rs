@@ -2,7 +2,7 @@
 
 use super::report::SolveReport;
 use super::settings::SolveSettings;
-use crate::delassus::RigidDelassus;
+use crate::delassus::{Delassus, RigidDelassus};
 use crate::problem::{Ccp, CcpError};
 
 /// Iterations that a first-order method is allowed where the settings name no limit.
@@ -33,6 +33,22 @@ impl Capabilities {
     pub(crate) fn take(self, rigid: &RigidDelassus) -> bool {
         let takes_cell = self.cell || rigid.cell().is_none();
         takes_cell && (self.joints || rigid.coupled().is_empty() && rigid.compliance().is_empty())
+    }
+
+    /// # Errors
+    /// [`CcpError::Unsupported`] for a problem that has to be another one for this solver.
+    pub(crate) fn require(self, solver: &str, problem: &Ccp) -> Result<(), CcpError> {
+        let reason = match &*problem.delassus {
+            _ if !self.turning && !problem.turning.is_empty() => {
+                "contacts have rolling or spinning friction, which auto, apgd, apgs, pgs and pj take"
+            }
+            Delassus::Rigid(rigid) if !self.take(rigid) => {
+                "joints couple bodies, contacts are compliant or the periodic cell is stress-controlled; it takes the \
+                 problem with N as a matrix"
+            }
+            _ => return Ok(()),
+        };
+        Err(CcpError::Unsupported { solver: solver.to_string(), reason: reason.to_string() })
     }
 
     /// Whether a problem is among them.

@@ -143,10 +143,8 @@ pub(super) fn start_of_power(place: usize) -> [f64; 3] {
 }
 
 impl ScaledProblem {
-    /// Scales and packs a problem, for a method that makes [sweeps](Self::sweep) or for one that makes none:
-    /// in a stress-controlled cell one contact moves bodies everywhere, and sweeps go through the rows of N.
-    /// Costs a few products with N.
-    pub fn new(problem: &Ccp, residual: &ResidualScale, sweeps: bool) -> Self {
+    /// Scales and packs a problem. Costs a few products with N.
+    pub fn new(problem: &Ccp, residual: &ResidualScale) -> Self {
         let contacts = problem.num_contacts();
         let owner = |block: usize| owner(problem, block);
         let c = residual.size();
@@ -157,20 +155,15 @@ impl ScaledProblem {
             }
         };
         let (operator, order) = match &*problem.delassus {
-            Delassus::Rigid(rigid) if rigid.cell().is_none() || !sweeps => {
+            Delassus::Rigid(rigid) => {
                 let mut packing = pack(rigid);
                 add_turning(&mut packing.contacts);
                 (Operator::Bodies(Box::new(BodyOperator::new(rigid, &packing, &scaling))), packing.contacts)
             }
-            // For sweeps in a stress-controlled cell a product goes through the rows of N.
-            matrix => {
+            Delassus::Sparse(matrix) => {
                 let mut order: Vec<u32> = (0..contacts as u32).collect();
                 add_turning(&mut order);
-                let rows = match matrix {
-                    Delassus::Rigid(rigid) => RowOperator::new(&rigid.assemble(), &scaling, &order),
-                    Delassus::Sparse(matrix) => RowOperator::new(matrix, &scaling, &order),
-                };
-                (Operator::Rows(rows), order)
+                (Operator::Rows(RowOperator::new(matrix, &scaling, &order)), order)
             }
         };
         let batches = order.len().div_ceil(LANES);

@@ -178,7 +178,7 @@ fn uneven_problems() -> Vec<Ccp> {
 fn first_order_methods_measure_as_the_report_does() {
     for problem in uneven_problems() {
         let g = unfinished(&problem);
-        let mut scaled = ScaledProblem::new(&problem, &ResidualScale::new(&problem), false);
+        let mut scaled = ScaledProblem::new(&problem, &ResidualScale::new(&problem));
         let (mut x, mut image, mut work) = (scaled.zeros(), scaled.zero_image(), scaled.work());
         let mut gradient = scaled.zeros();
         scaled.pack(&g, &mut x);

@@ -254,7 +254,7 @@ impl CcpSolver for Pdip {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        problem.require_sliding_alone(&self.name())?;
+        self.capabilities().require(&self.name(), problem)?;
         let limits = Limits::start(settings, self.parameters.iterations);
         check_start(problem, impulse)?;
         let scale = ResidualScale::new(problem);

@@ -159,7 +159,7 @@ impl CcpSolver for Ipm {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        problem.require_sliding_alone(&self.name())?;
+        self.capabilities().require(&self.name(), problem)?;
         let limits = Limits::start(settings, ITERATIONS);
         check_start(problem, impulse)?;
         if problem.num_contacts() == 0 {

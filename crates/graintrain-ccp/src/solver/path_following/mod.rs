@@ -156,7 +156,7 @@ impl CcpSolver for PathFollowing {
         impulse: &mut [f64],
         settings: &SolveSettings,
     ) -> Result<SolveReport, CcpError> {
-        problem.require_sliding_alone(&self.name())?;
+        self.capabilities().require(&self.name(), problem)?;
         self.follow(problem, impulse, settings)
     }
 }
