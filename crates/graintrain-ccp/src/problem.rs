@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 /// N of bodies as a matrix, and of which N it is.
-pub type KnownMatrix = Option<(DelassusIdentity, Arc<Delassus>)>;
+pub(crate) type KnownMatrix = Option<(DelassusIdentity, Arc<Delassus>)>;
 
 /// Contacts per parallel task.
 const TASK: usize = 4096;
@@ -321,7 +321,7 @@ impl Ccp {
 
     /// The same problem with N as a matrix, which every solver takes, where these are bodies that `asks` for
     /// it; the one `known` where it is of this N.
-    pub fn as_matrix_if(
+    pub(crate) fn as_matrix_if(
         &self,
         asks: impl FnOnce(&RigidDelassus) -> bool,
         known: &mut KnownMatrix,

@@ -6,15 +6,16 @@
 #[path = "all/common.rs"]
 mod common;
 
-use common::{lattice_packing, sparse_form};
+use common::{lattice_packing, sparse_form, with_mechanisms};
 use graintrain_ccp::newton::{Form, LinearReport, NewtonError, NewtonSolver, NewtonSystem};
 use graintrain_ccp::paper::scip::Scip;
 use graintrain_ccp::solver::first_order::FirstOrder;
 use graintrain_ccp::solver::ipm::Ipm;
 use graintrain_ccp::solver::{AcceleratedSweeps, Apgd, CcpSolver, ExactState, GaussSeidel};
-use graintrain_ccp::{Ccp, Criterion, SolveSettings, SolverSpec};
+use graintrain_ccp::{Ccp, Criterion, Delassus, SolveSettings, SolverSpec};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 struct Counting;
@@ -161,6 +162,14 @@ fn check_newton(name: &str, linear: &str, problem: &Ccp, systems: usize) {
 }
 
 // The only test of this binary: another one at the same time would be counted, too.
+/// The packing with mechanisms and compliant contacts.
+fn coupled(packing: &Ccp) -> Ccp {
+    let problem = with_mechanisms(packing);
+    let Delassus::Rigid(rigid) = &*problem.delassus else { panic!("a problem over bodies") };
+    let rigid = rigid.clone().with_compliance(vec![0.1; problem.num_contacts()]);
+    Ccp { delassus: Arc::new(Delassus::Rigid(rigid)), ..problem }
+}
+
 #[test]
 fn iterations_do_not_allocate() {
     // More contacts than one chunk of a pass holds, so that passes are split over the threads.
@@ -187,7 +196,7 @@ fn iterations_do_not_allocate() {
     for threads in [1, 2] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            for problem in [packing.clone(), sparse_form(&packing)] {
+            for problem in [packing.clone(), sparse_form(&packing), coupled(&packing)] {
                 for name in ["pj", "pgs", "pgs@1.3", "apgs", "apgd", "bb", "kucera", "spg", "gpminres"] {
                     check(&mut *name.parse::<SolverSpec>().unwrap().build().unwrap(), &problem, false);
                 }
@@ -199,6 +208,7 @@ fn iterations_do_not_allocate() {
                 let single = (2e-5, 20);
                 check_at(&mut FirstOrder::new(AcceleratedSweeps::default()), &large, exact, single);
                 check_at(&mut FirstOrder::new(Apgd::default()), &large, exact, single);
+                check_at(&mut FirstOrder::new(Apgd::default()), &coupled(&large), exact, single);
             }
         });
     }

@@ -290,8 +290,8 @@ fn solve_finely_if_few(
 /// rest, or let go by one edge after the other), and which one an iteration finds depends on the way. That
 /// where nothing slides solves the relaxed problem, too: g becomes the solution of that if it is exact, and
 /// goes on from there if it is not found finely. The report tells how it went; `None`: it was not tried,
-/// since g holds, or something slid in it, and no joints make the rounds of a step start from one another's
-/// solutions.
+/// since g holds, or something slid in it and the bodies move one by one (with joints the rounds of a step
+/// start from one another's solutions).
 fn solve_as_if_nothing_slid(
     budget: &mut Budget<'_>,
     few: &FewParameters,

@@ -372,6 +372,11 @@ impl BodyOperator {
         self.slots.len()
     }
 
+    /// Room for what mechanisms make in a pass.
+    pub(super) fn room(&self) -> Vec<BodyPair> {
+        self.mechanisms.as_ref().map_or_else(Vec::new, |mechanisms| mechanisms.room())
+    }
+
     /// Slots of a range of chunks.
     pub(super) fn slot_range(&self, chunks: Range<usize>) -> std::ops::Range<usize> {
         self.slots.of_chunks(chunks)
@@ -394,7 +399,7 @@ impl BodyOperator {
     /// velocity.
     pub(super) fn velocities<const K: usize>(
         &self,
-        slots: &[BodyPair],
+        (slots, room): (&[BodyPair], &mut [BodyPair]),
         images: [&mut [Lanes]; K],
         tallies: &mut [Tally],
         buffers: &mut Buffers,
@@ -408,7 +413,7 @@ impl BodyOperator {
         let mut sum = over_bodies(self.share(), images, tallies, buffers, &work);
         if let Some(mechanisms) = &self.mechanisms {
             let all = all.each_mut().map(|image| &mut **image);
-            sum += mechanisms.follow((slots, &self.slots), all, combination);
+            sum += mechanisms.follow((slots, &self.slots), room, all, combination);
         }
         let flat = all.each_mut().map(|image| image.as_flattened_mut());
         sum += self.compliance.follow((slots.as_flattened(), &self.slots), flat, combination);
@@ -446,10 +451,10 @@ impl BodyOperator {
     }
 
     /// Gauss-Seidel over all contacts: `contacts` get the velocities D^T v of a batch and change its
-    /// impulses; the velocities of the bodies follow at once. Batches of a [`Run`] that share nothing that
-    /// moves are computed side by side, others contact by contact: the result is that of one contact after
-    /// the other in the order of the packing. Not for a stress-controlled cell, which one contact would move
-    /// for all.
+    /// impulses; the velocities of the bodies follow at once, of coupled ones when they are looked at.
+    /// Batches of a [`Run`] that share nothing that moves are computed side by side, others contact by
+    /// contact: the result is that of one contact after the other in the order of the packing. Not for a
+    /// stress-controlled cell, which one contact would move for all.
     #[inline(always)]
     pub(super) fn sweep<V: Vector>(&self, image: &mut [Lanes], contacts: &mut impl Update<V>) {
         assert!(self.cell.is_none(), "sweeps over a cell go through the rows of N");
@@ -614,8 +619,12 @@ impl<const K: usize, C: Combination<K>> TaskWork for BodyTask<'_, K, C> {
     fn run<V: Vector>(self) {
         let Self { operator, first, slots, mut images, tally, combination } = self;
         let mut quadratic = V::default();
+        let mechanisms = operator.mechanisms.as_deref();
         for offset in 0..images[0].len() {
             let body = first + offset;
+            if mechanisms.is_some_and(|mechanisms| mechanisms.has(body as u32)) {
+                continue;
+            }
             let (mut force, mut moment) = (V::default(), V::default());
             for &slot in operator.slots.of_body(body) {
                 let [f, m] = slots[slot as usize];

@@ -285,7 +285,7 @@ impl CcpSolver for Cascade {
 
     /// Those of its first member; N is made a matrix for who needs it.
     fn capabilities(&self) -> Capabilities {
-        Capabilities { cell: true, joints: true, ..self.members[0].capabilities() }
+        Capabilities { cell: true, coupling: true, ..self.members[0].capabilities() }
     }
 
     fn iteration_limit(&self) -> usize {
@@ -320,6 +320,7 @@ impl CcpSolver for Cascade {
             table = self.table(settings)[..1].to_vec();
         }
         check_start(problem, impulse)?;
+        self.matrix = self.matrix.take().filter(|(of, _)| of.is(&problem.delassus));
         let limits = Limits::start(settings, usize::MAX);
         let is_exact = friction == FrictionModel::Coulomb;
         let mut course = Course::new(impulse, self.members.len(), table.len());

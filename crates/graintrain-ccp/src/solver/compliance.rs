@@ -79,7 +79,11 @@ impl<R: Row> PackedCompliance<R> {
         for (place, &i) in order.iter().enumerate().filter(|&(_, &i)| batches > 0 && i != EMPTY) {
             let given = rigid.compliance().get(i as usize).copied().unwrap_or(0.0);
             let c = given * scaling[i as usize][0].powi(2);
-            if c > 0.0 {
+            // Less than the precision has is none.
+            let mut in_precision = R::default();
+            in_precision.set(0, c);
+            in_precision.set(1, c.recip());
+            if c > 0.0 && in_precision.total().is_finite() {
                 rows[place / R::CONTACTS].set(place % R::CONTACTS, c);
                 stiffness[place / R::CONTACTS].set(place % R::CONTACTS, c.recip());
             }

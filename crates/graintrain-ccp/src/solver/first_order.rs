@@ -293,7 +293,7 @@ impl<M: FirstOrderMethod> CcpSolver for FirstOrder<M> {
             turning: M::TURNING,
             // One contact of a stress-controlled cell moves all bodies: sweeps go through the rows of N.
             cell: M::TURNING && !M::SWEEPS,
-            joints: M::TURNING,
+            coupling: M::TURNING,
             exact: M::EXACT,
         }
     }

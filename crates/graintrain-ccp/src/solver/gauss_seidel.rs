@@ -181,7 +181,7 @@ fn largest_eigenvalue(a: &Block) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::super::body_operator::TOGETHER;
     use super::super::first_order::FirstOrder;
     use super::super::interface::{CcpSolver, ExactState};
@@ -195,7 +195,7 @@ mod tests {
     use std::sync::Arc;
 
     /// Contacts between neighbours of a row of bodies, and of every fourth body with a fixed one.
-    fn row_of_bodies(bodies: u32) -> Ccp {
+    pub(in crate::solver) fn row_of_bodies(bodies: u32) -> Ccp {
         let wave = |k: u32| (1.7 * f64::from(k)).sin();
         let contact = |i: u32, body_a: u32, body_b: u32| {
             let (c, s) = (wave(i), (1.0 - wave(i).powi(2)).sqrt());
@@ -224,7 +224,7 @@ mod tests {
     }
 
     /// The same with every third body in one of two mechanisms, and two in three contacts compliant.
-    fn jointed(problem: Ccp) -> Ccp {
+    pub(in crate::solver) fn jointed(problem: Ccp) -> Ccp {
         let Delassus::Rigid(rigid) = &*problem.delassus else { unreachable!() };
         let of = |first: u32, degrees: usize| {
             let bodies: Vec<u32> = (first..rigid.num_bodies() as u32).step_by(6).take(20).collect();

@@ -20,19 +20,19 @@ pub struct Capabilities {
     /// Bodies in a stress-controlled periodic cell ([`CellModes`](crate::CellModes)).
     pub cell: bool,
     /// Bodies that joints couple ([`CoupledBodies`](crate::CoupledBodies)), and compliant contacts.
-    pub joints: bool,
+    pub coupling: bool,
     /// Exact friction in its own iterations ([`CcpSolver::solve_exact`]).
     pub exact: bool,
 }
 
 impl Capabilities {
     /// Sliding friction over bodies that move one by one, by relaxed solves alone.
-    pub const PLAIN: Self = Self { turning: false, cell: false, joints: false, exact: false };
+    pub const PLAIN: Self = Self { turning: false, cell: false, coupling: false, exact: false };
 
     /// Whether a method takes these bodies as they are. Who does not is given N as a matrix.
     pub(crate) fn take(self, rigid: &RigidDelassus) -> bool {
         let takes_cell = self.cell || rigid.cell().is_none();
-        takes_cell && (self.joints || rigid.coupled().is_empty() && rigid.compliance().is_empty())
+        takes_cell && (self.coupling || rigid.coupled().is_empty() && rigid.compliance().is_empty())
     }
 
     /// # Errors

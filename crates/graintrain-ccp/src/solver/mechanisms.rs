@@ -10,8 +10,8 @@
 //! q, one number per motion that the joints leave free, lies in an image behind the velocities of bodies, so
 //! that linear combinations of images of impulses hold for it as well. A pass over contacts sees the
 //! velocities v like those of any bodies. A sweep changes q at every contact of a mechanism and makes the v
-//! of a body from it when a contact looks at that: 24 flops per motion and side, whatever the number of
-//! bodies.
+//! of a body from it when a contact looks at that: 24 flops per motion (of which there are a multiple of
+//! eight) and side, whatever the number of bodies.
 
 use super::body_operator::BodyPair;
 use super::cell_images::Motion;
@@ -244,30 +244,27 @@ impl<M: Motion> PackedMechanisms<M> {
         }
     }
 
-    /// Lets the mechanisms in image vectors follow the impulses in the slots; their part of the quadratic
+    /// Room for what a pass makes of the q and of the velocities of all bodies.
+    pub(super) fn room(&self) -> Vec<M> {
+        vec![M::of_numbers([0.0; EIGHT]); self.all.iter().map(Mechanism::room).sum()]
+    }
+
+    /// Lets the mechanisms in image vectors follow what [`Self::make`] has made; their part of the quadratic
     /// form, |q|^2.
-    #[inline(always)]
-    fn followed<R: Register<M>, const K: usize>(
+    fn combine<const K: usize>(
         &self,
-        (slots, table): (&[M], &SlotTable),
+        room: &[M],
         mut images: [&mut [M]; K],
         combination: &impl Combination<K>,
     ) -> f64 {
-        let mut quadratic = 0.0;
-        let mut room = vec![R::default().store(); self.most_places()];
+        let (mut quadratic, mut first) = (0.0, 0);
         for mechanism in &self.all {
-            let fresh = &mut room[..mechanism.place.len()];
-            fresh.fill(R::default().store());
-            for (body, &place) in mechanism.bodies.iter().enumerate() {
-                let mut sum = R::default();
-                for &slot in table.of_body(place as usize) {
-                    sum = sum.plus_scaled(1.0, R::load(slots[slot as usize]));
-                }
-                mechanism.push::<R>(body, sum.store(), fresh);
-            }
-            for (fresh, place) in fresh.iter().zip(mechanism.place.clone()) {
+            let (q, velocities) = room[first..first + mechanism.room()].split_at(mechanism.place.len());
+            first += mechanism.room();
+            quadratic += q.iter().flat_map(|q| q.pair()).map(|q| (q * q).sum()).sum::<f64>();
+            let bodies = mechanism.bodies.iter().map(|&place| place as usize).zip(velocities);
+            for (place, fresh) in mechanism.place.clone().zip(q).chain(bodies) {
                 let fresh = fresh.pair();
-                quadratic += fresh.map(|q| (q * q).sum()).iter().sum::<f64>();
                 let known = images.each_ref().map(|image| image[place].pair());
                 let new = [0, 1].map(|half| combination.of(fresh[half], known.map(|pair| pair[half])));
                 for (k, image) in images.iter_mut().enumerate() {
@@ -275,40 +272,79 @@ impl<M: Motion> PackedMechanisms<M> {
                 }
             }
         }
-        for image in images {
-            self.bring_all::<R>(image);
-        }
         quadratic
     }
+}
 
-    /// The most places that the q of one mechanism takes.
-    fn most_places(&self) -> usize {
-        self.all.iter().map(|mechanism| mechanism.place.len()).max().unwrap_or(0)
+impl<M: Motion> Mechanism<M> {
+    /// See [`PackedMechanisms::room`].
+    fn room(&self) -> usize {
+        self.place.len() + self.bodies.len()
+    }
+
+    /// q = Y^T f of the impulses in the slots, then the velocities Y q of the bodies.
+    #[inline(always)]
+    fn make<R: Register<M>>(&self, (slots, table): (&[M], &SlotTable), room: &mut [M]) {
+        let (q, velocities) = room.split_at_mut(self.place.len());
+        q.fill(R::default().store());
+        for (body, &place) in self.bodies.iter().enumerate() {
+            let mut sum = R::default();
+            for &slot in table.of_body(place as usize) {
+                sum = sum.plus_scaled(1.0, R::load(slots[slot as usize]));
+            }
+            self.push::<R>(body, sum.store(), q);
+        }
+        for (body, velocity) in velocities.iter_mut().enumerate() {
+            *velocity = self.velocity::<R>(body, q);
+        }
     }
 }
 
-/// [`PackedMechanisms::followed`] for the vector registers of the processor.
-struct Follow<'a, M, C, const K: usize> {
-    mechanisms: &'a PackedMechanisms<M>,
+/// What some mechanisms make of the impulses in the slots.
+struct Making<'a, M> {
+    all: &'a [Mechanism<M>],
     from: (&'a [M], &'a SlotTable),
-    images: [&'a mut [M]; K],
-    combination: &'a C,
-    quadratic: &'a mut f64,
+    room: &'a mut [M],
 }
 
-impl<C: Combination<K>, const K: usize> TaskWork for Follow<'_, BodyPair, C, K> {
+/// Mechanisms that a thread takes at least.
+const TASK: usize = 16;
+
+impl<'a, M: Motion + Send + Sync> Making<'a, M> {
+    /// In halves over the threads of rayon, each with what `work` does; nothing is allocated.
+    fn over(self, work: &(impl Fn(Making<'_, M>) + Sync)) {
+        let Self { all, from, room } = self;
+        if all.len() < 2 * TASK {
+            return work(Making { all, from, room });
+        }
+        let (low, high) = all.split_at(all.len() / 2);
+        let (room, more_room) = room.split_at_mut(low.iter().map(Mechanism::room).sum());
+        let [low, high] = [Making { all: low, from, room }, Making { all: high, from, room: more_room }];
+        rayon::join(|| low.over(work), || high.over(work));
+    }
+
+    #[inline(always)]
+    fn make<R: Register<M>>(self) {
+        let mut room = self.room;
+        for mechanism in self.all {
+            let (own, rest) = room.split_at_mut(mechanism.room());
+            mechanism.make::<R>(self.from, own);
+            room = rest;
+        }
+    }
+}
+
+impl TaskWork for Making<'_, BodyPair> {
     #[inline(always)]
     fn run<V: Vector>(self) {
-        let Self { mechanisms, from, images, combination, quadratic } = self;
-        *quadratic = mechanisms.followed::<BodyPair<V>, K>(from, images, combination);
+        self.make::<BodyPair<V>>();
     }
 }
 
-impl<C: Combination<K>, const K: usize> SingleWork for Follow<'_, Octet, C, K> {
+impl SingleWork for Making<'_, Octet> {
     #[inline(always)]
     fn run<V: SingleVector>(self) {
-        let Self { mechanisms, from, images, combination, quadratic } = self;
-        *quadratic = mechanisms.followed::<V, K>(from, images, combination);
+        self.make::<V>();
     }
 }
 
@@ -318,12 +354,12 @@ impl PackedMechanisms<BodyPair> {
     pub(super) fn follow<const K: usize>(
         &self,
         from: (&[BodyPair], &SlotTable),
+        room: &mut [BodyPair],
         images: [&mut [BodyPair]; K],
         combination: &impl Combination<K>,
     ) -> f64 {
-        let mut quadratic = 0.0;
-        vectorised(Follow { mechanisms: self, from, images, combination, quadratic: &mut quadratic });
-        quadratic
+        Making { all: &self.all, from, room }.over(&|part| vectorised(part));
+        self.combine(room, images, combination)
     }
 }
 
@@ -332,13 +368,12 @@ impl PackedMechanisms<Octet> {
     pub(super) fn follow<const K: usize>(
         &self,
         from: (&[Octet], &SlotTable),
+        room: &mut [Octet],
         images: [&mut [Octet]; K],
         combination: &impl Combination<K>,
     ) -> f64 {
-        let mut quadratic = 0.0;
-        let work = Follow { mechanisms: self, from, images, combination, quadratic: &mut quadratic };
-        vectorised(InSingle(work));
-        quadratic
+        Making { all: &self.all, from, room }.over(&|part| vectorised(InSingle(part)));
+        self.combine(room, images, combination)
     }
 }
 
@@ -354,7 +389,6 @@ mod tests {
     use crate::problem::Ccp;
     use crate::residual::FrictionModel;
     use crate::solver::Status;
-    use std::collections::BTreeSet;
 
     /// Random contacts, of which two in three may be compliant, over bodies of which every fourth is in one
     /// of three mechanisms.
@@ -420,21 +454,5 @@ mod tests {
             let report = solver.solve(&problem, &mut g, &settings).unwrap();
             assert_eq!(report.status, Status::Converged, "{name}");
         }
-    }
-
-    /// Contacts of one mechanism are in no two batches that are swept side by side.
-    #[test]
-    fn contacts_of_a_mechanism_wait_for_each_other() {
-        let problem = problem(600, 900, false);
-        let crate::Delassus::Rigid(rigid) = &*problem.delassus else { unreachable!() };
-        let packing = super::super::packing::pack(rigid);
-        let mut movers = BTreeSet::new();
-        for group in rigid.coupled() {
-            let own: BTreeSet<u32> =
-                group.bodies.iter().map(|&body| packing.mover(packing.bodies[body as usize])).collect();
-            assert_eq!(own.len(), 1, "one mechanism has one mover");
-            movers.extend(own);
-        }
-        assert_eq!(movers.len(), 3);
     }
 }

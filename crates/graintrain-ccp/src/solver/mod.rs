@@ -7,7 +7,7 @@
 //! | [`driver`] | limits, best iterate, progress |
 //! | [`lanes`], [`tasks`], [`dispatch`] | vector registers and parallel loops |
 //! | [`scaling`], [`combination`], `body_pass` | the scaled problem and its passes |
-//! | `mechanisms`, `cell_images` | bodies that joints couple, and those across the boundary of a cell |
+//! | `mechanisms`, `cell_images`, `compliance` | coupled bodies, those across the boundary of a cell, compliant contacts |
 //! | [`octet`], `single`, `slots` | the same in single precision; where passes leave forces |
 //! | [`ranks`], `share` | processes that work on one problem, and the part of each |
 //! | [`first_order`] | what the first-order methods share |

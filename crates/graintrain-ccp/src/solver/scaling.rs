@@ -91,6 +91,8 @@ pub type Image = Vec<Lanes>;
 #[derive(Clone, Debug)]
 pub struct PassWork {
     slots: Vec<BodyPair>,
+    /// See [`BodyOperator::room`].
+    room: Vec<BodyPair>,
     scattered: Vec<Batch>,
     tallies: Vec<Tally>,
     buffers: Buffers,
@@ -272,6 +274,7 @@ impl ScaledProblem {
         match &self.operator {
             Operator::Bodies(bodies) => PassWork {
                 slots: vec![BodyPair::default(); bodies.num_slots()],
+                room: bodies.room(),
                 scattered: Vec::new(),
                 tallies: vec![Tally::default(); chunks.max(bodies.num_body_tasks())],
                 buffers: Buffers::default(),
@@ -279,6 +282,7 @@ impl ScaledProblem {
             },
             Operator::Rows(_) => PassWork {
                 slots: Vec::new(),
+                room: Vec::new(),
                 scattered: self.zeros(),
                 tallies: vec![Tally::default(); chunks],
                 buffers: Buffers::default(),
@@ -364,8 +368,8 @@ impl ScaledProblem {
     ) -> f64 {
         match &self.operator {
             Operator::Bodies(bodies) => {
-                let PassWork { slots, tallies, buffers, .. } = work;
-                bodies.velocities(slots, images, tallies, buffers, combination)
+                let PassWork { slots, room, tallies, buffers, .. } = work;
+                bodies.velocities((slots, room), images, tallies, buffers, combination)
             }
             Operator::Rows(rows) => rows.multiply(&work.scattered, images, &mut work.tallies, combination),
         }

@@ -7,7 +7,8 @@ use graintrain_ccp::newton::NewtonSolver;
 use graintrain_ccp::registry::{LinearMethod, Method};
 use graintrain_ccp::residual::{FrictionModel, ResidualScale};
 use graintrain_ccp::{
-    BodyInverseMass, Ccp, Delassus, FIXED, RigidContact, RigidDelassus, TurningFriction, TurningRows,
+    BodyInverseMass, Ccp, CoupledBodies, Delassus, FIXED, RigidContact, RigidDelassus, TurningFriction,
+    TurningRows,
 };
 use std::sync::Arc;
 
@@ -243,6 +244,18 @@ pub fn with_turning(problem: &Ccp, seed: u64) -> Ccp {
     }
     let delassus = Arc::new(Delassus::Rigid(rigid));
     Ccp { r: u, turning, delassus, ..problem.clone() }
+}
+
+/// The packing with balls all over it in two mechanisms.
+pub fn with_mechanisms(problem: &Ccp) -> Ccp {
+    let Delassus::Rigid(rigid) = &*problem.delassus else { panic!("a problem over bodies") };
+    let of = |first: u32, degrees: usize| {
+        let bodies: Vec<u32> = (first..rigid.num_bodies() as u32).step_by(301).collect();
+        let factor = (0..6 * bodies.len() * degrees).map(|k| (1.3 * k as f64).sin()).collect();
+        CoupledBodies { bodies, degrees, factor }
+    };
+    let rigid = rigid.clone().with_coupled(vec![of(3, 4), of(100, 13)]);
+    Ccp { delassus: Arc::new(Delassus::Rigid(rigid)), ..problem.clone() }
 }
 
 /// Solution by Clarabel.

@@ -1,5 +1,5 @@
-//! Bodies that joints couple, compliant contacts and contacts that resist turning, together: what solvers claim
-//! over bodies holds for N as a matrix.
+//! Bodies that joints couple, compliant contacts and contacts that resist turning, together: what solvers
+//! claim over bodies holds for N as a matrix.
 
 use crate::common::{Random, random_problem, sparse_form, with_turning};
 use graintrain_ccp::residual::{FrictionModel, ResidualScale};

@@ -1,10 +1,10 @@
 //! Several ranks compute the bits of one process, whatever each of them does of the work.
 
-use crate::common::{lattice_packing, with_turning};
+use crate::common::{lattice_packing, with_mechanisms, with_turning};
 use graintrain_ccp::solver::ranks::threads::on_ranks;
 use graintrain_ccp::{
-    BodyInverseMass, Ccp, CoupledBodies, Criterion, Delassus, FIXED, FrictionModel, Ranks, RigidContact,
-    RigidDelassus, SolveSettings, SolverSpec, Status,
+    BodyInverseMass, Ccp, Criterion, Delassus, FIXED, FrictionModel, Ranks, RigidContact, RigidDelassus,
+    SolveSettings, SolverSpec, Status,
 };
 use std::sync::Arc;
 
@@ -42,18 +42,6 @@ fn on_a_plate(problem: &Ccp) -> Ccp {
         angular: [1e-3, 0.0, 0.0, 0.0, 2e-3, 0.0, 0.0, 0.0, 1e-3],
     });
     Ccp { delassus: Arc::new(Delassus::Rigid(RigidDelassus::new(contacts, masses))), ..problem.clone() }
-}
-
-/// With balls all over the packing in two mechanisms.
-fn with_mechanisms(problem: &Ccp) -> Ccp {
-    let Delassus::Rigid(rigid) = &*problem.delassus else { panic!("a problem over bodies") };
-    let of = |first: u32, degrees: usize| {
-        let bodies: Vec<u32> = (first..rigid.num_bodies() as u32).step_by(301).collect();
-        let factor = (0..6 * bodies.len() * degrees).map(|k| (1.3 * k as f64).sin()).collect();
-        CoupledBodies { bodies, degrees, factor }
-    };
-    let rigid = rigid.clone().with_coupled(vec![of(3, 4), of(100, 13)]);
-    Ccp { delassus: Arc::new(Delassus::Rigid(rigid)), ..problem.clone() }
 }
 
 #[test]

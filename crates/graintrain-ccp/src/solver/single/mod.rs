@@ -211,8 +211,8 @@ impl SingleProblem {
         let (packing, blocks) = packed(rigid, &problem.r, sweeps);
         let behind = PackedCompliance::<Octet>::per_chunk(rigid, CHUNK);
         let slots = SlotTable::new(rigid, &packing, CHUNK * EIGHT, behind);
-        let alone = ranks.filter(|_| rigid.cell().is_none() && behind == 0);
-        let share = slots.share(alone, BODIES, |place| packing.is_coupled(place));
+        let sharing = ranks.filter(|_| rigid.cell().is_none() && behind == 0);
+        let share = slots.share(sharing, BODIES, |place| packing.is_coupled(place));
         let scaling = block_scaling(problem, residual);
         let [mobility, length] = units(rigid);
         let scale = mobility.sqrt();
@@ -362,6 +362,50 @@ impl SingleProblem {
             let i = i as usize;
             for k in 0..3 {
                 g[3 * i + k] = self.unit[i][k.min(1)] * f64::from(x[place / EIGHT][k].0[place % EIGHT]);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::combination::Replace;
+    use super::super::gauss_seidel::tests::{jointed, row_of_bodies};
+    use super::kernel::Identity;
+    use super::sweep::Sweep;
+    use super::*;
+
+    /// After sweeps with a momentum, in several blocks, the images of x and of the x before are what a pass
+    /// makes of them: the velocities of all bodies, the q of mechanisms, C x.
+    #[test]
+    fn sweeps_keep_images_of_mechanisms_and_compliant_contacts() {
+        let problem = jointed(row_of_bodies(9000));
+        let start = vec![0.0; problem.r.len()];
+        let single = SingleProblem::new(&problem, &ResidualScale::new(&problem), Some(&start), None).unwrap();
+        let (operator, sweeps) = (&single.operator, single.sweeps.as_ref().unwrap());
+        let mut vectors = [single.zeros(), single.zeros()];
+        let mut images =
+            [vec![Octet::default(); operator.image_len()], vec![Octet::default(); operator.image_len()]];
+        let (mut scratch, mut room) = (operator.scratch(), sweeps.scratch(operator));
+        for beta in [0.0, 0.4, 0.8] {
+            let sweep = Sweep { beta, relaxation: 1.0, model: FrictionModel::Relaxed };
+            let of = (vectors.each_mut().map(|v| &mut v[..]), images.each_mut().map(|v| &mut v[..]));
+            sweeps.sweep(operator, of.0, of.1, &mut room, sweep);
+            for (x, image) in vectors.iter_mut().zip(&images) {
+                let mut fresh = image.clone();
+                operator.contact_pass::<1, false, true>(&[], [x], &mut scratch, &Identity);
+                operator.body_pass([&mut fresh], &mut scratch, &Replace);
+                let size = fresh.iter().map(|octet| octet.largest()).fold(0.0, f32::max);
+                // Vectors of bodies are followed by numbers without meaning.
+                let counts = |place: usize, k: usize| place >= operator.num_places || k % 4 != 3;
+                for (place, (fresh, kept)) in fresh.iter().zip(image).enumerate() {
+                    for k in (0..EIGHT).filter(|&k| counts(place, k)) {
+                        assert!(
+                            (fresh.0[k] - kept.0[k]).abs() <= 3e-4 * size,
+                            "place {place}: {fresh:?} {kept:?}"
+                        );
+                    }
+                }
             }
         }
     }

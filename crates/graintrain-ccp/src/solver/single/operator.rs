@@ -83,6 +83,8 @@ impl Masses<'_> {
 #[derive(Clone, Debug)]
 pub struct SingleScratch {
     slots: Vec<Octet>,
+    /// For what mechanisms make in a pass.
+    room: Vec<Octet>,
     tallies: Vec<Tally>,
     buffers: Buffers,
 }
@@ -124,6 +126,7 @@ impl SingleOperator {
         let tasks = self.contacts.len().div_ceil(CHUNK).max(num_body_tasks(self.masses.diagonal.len()));
         SingleScratch {
             slots: vec![Octet::default(); self.slots.len()],
+            room: self.mechanisms.as_ref().map_or_else(Vec::new, PackedMechanisms::room),
             tallies: vec![Tally::default(); tasks],
             buffers: Buffers::default(),
         }
@@ -168,7 +171,7 @@ impl SingleOperator {
         kernel: &impl SingleKernel<M>,
     ) -> Totals {
         let chunks = geometry.len().div_ceil(CHUNK);
-        let SingleScratch { slots, tallies, buffers } = scratch;
+        let SingleScratch { slots, tallies, buffers, .. } = scratch;
         let tallies = &mut tallies[..chunks];
         let len = |chunks| self.slots.of_chunks(chunks).len();
         let own = self.share.as_deref().map_or(0..chunks, Share::chunks);
@@ -209,7 +212,7 @@ impl SingleOperator {
         let bodies = self.masses.diagonal.len();
         let mut all = images;
         let images = all.each_mut().map(|image| &mut image[..bodies]);
-        let SingleScratch { slots, tallies, buffers } = scratch;
+        let SingleScratch { slots, room, tallies, buffers } = scratch;
         let slots = &slots[..];
         let work = |first: usize, images: [&mut [Octet]; K], tally: &mut Tally| {
             vectorised(InSingle(BodyPass { operator: self, first, slots, images, tally, combination }));
@@ -217,7 +220,7 @@ impl SingleOperator {
         let mut sum = over_bodies(self.share.as_deref(), images, tallies, buffers, &work);
         if let Some(mechanisms) = &self.mechanisms {
             let all = all.each_mut().map(|image| &mut **image);
-            sum += mechanisms.follow((slots, &self.slots), all, combination);
+            sum += mechanisms.follow((slots, &self.slots), room, all, combination);
         }
         let whole = all.each_mut().map(|image| &mut **image);
         sum += self.compliance.follow((slots, &self.slots), whole, combination);
@@ -364,8 +367,12 @@ impl<const K: usize, C: Combination<K>> SingleWork for BodyPass<'_, K, C> {
         let Self { operator, first, slots, mut images, tally, combination } = self;
         let masses = operator.masses.within(0..operator.masses.diagonal.len());
         let mut quadratic = V::default();
+        let mechanisms = operator.mechanisms.as_ref();
         for offset in 0..images[0].len() {
             let body = first + offset;
+            if mechanisms.is_some_and(|mechanisms| mechanisms.has(body as u32)) {
+                continue;
+            }
             let mut force = V::default();
             for &slot in operator.slots.of_body(body) {
                 force += V::of(slots[slot as usize]);
