@@ -19,7 +19,7 @@ if ! command -v mpicc > /dev/null || ! command -v mpirun > /dev/null; then
     fi
 fi
 if ! command -v mpicc > /dev/null || ! command -v mpirun > /dev/null; then
-    echo "skipped for want of MPI: 5 scenes on 1 to 4 ranks, kills of ranks and of mpirun"
+    echo "skipped for want of MPI: 6 scenes on 1 to 4 ranks, kills of ranks and of mpirun"
     exit 0
 fi
 
@@ -92,6 +92,8 @@ if [ -z "$quick" ]; then
     compare direct-shear-coulomb direct-shear --set n=3 --steps $steps --friction coulomb
 fi
 compare shapes scripts/mpi/shapes.toml --steps $steps
+# A mechanism in grains: gradients are shared where friction is relaxed.
+compare mechanism excavator --friction relaxed --steps 160
 
 # Ranks that do not even begin: the first one says why, once.
 if on_ranks 2 run no-such-scene > "$folder/refused" 2>&1; then

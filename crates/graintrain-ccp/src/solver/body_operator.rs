@@ -416,7 +416,7 @@ impl BodyOperator {
             sum += mechanisms.follow((slots, &self.slots), room, all, combination);
         }
         let flat = all.each_mut().map(|image| image.as_flattened_mut());
-        sum += self.compliance.follow((slots.as_flattened(), &self.slots), flat, combination);
+        sum += self.compliance.follow((slots.as_flattened(), &self.slots), flat, tallies, combination);
         match &self.cell {
             Some(cell) => sum + cell.follow((slots, &self.slots), all, combination),
             None => sum,

@@ -5,15 +5,17 @@
 //! contacts makes of it is left behind the slots of their chunk.
 
 use super::combination::Combination;
-use super::lanes::{LANES, Lanes, Numbers};
+use super::lanes::{Batch, LANES, Lanes, Numbers};
 use super::octet::{EIGHT, Octet};
 use super::packing::EMPTY;
 use super::slots::SlotTable;
+use super::tasks::{Tally, Totals, for_each_task};
 use crate::delassus::RigidDelassus;
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// One number of each contact of a batch, as it lies in memory.
-pub(super) trait Row: Numbers {
+pub(super) trait Row: Numbers + Send + Sync {
     /// Contacts of a batch.
     const CONTACTS: usize;
     /// How many of these a slot takes.
@@ -126,18 +128,41 @@ impl<R: Row> PackedCompliance<R> {
         &self,
         (slots, table): (&[R], &SlotTable),
         images: [&mut [R]; K],
+        tallies: &mut [Tally],
         combination: &impl Combination<K>,
     ) -> f64 {
-        let mut images = images.map(|image| self.all_within(image));
-        let mut quadratic = 0.0;
-        for (batch, stiffness) in self.stiffness.iter().enumerate() {
-            let fresh = slots[R::PER_SLOT * table.behind(batch / self.chunk) + batch % self.chunk];
-            quadratic += (fresh * fresh * *stiffness).total();
-            let known = images.each_ref().map(|image| image[batch]);
-            for (image, new) in images.iter_mut().zip(combination.of(fresh, known)) {
-                image[batch] = new;
-            }
-        }
-        quadratic
+        let images = images.map(|image| self.all_within(image));
+        let chunks = 0..self.rows.len().div_ceil(self.chunk);
+        let tallies = &mut tallies[chunks.clone()];
+        let no_extra = &mut [] as &mut [()];
+        for_each_task(
+            chunks,
+            self.chunk,
+            images,
+            no_extra,
+            &|_| 0,
+            tallies,
+            &|chunk, mut images, _, tally| {
+                let fresh = &slots[R::PER_SLOT * table.behind(chunk)..];
+                let stiffness = &self.stiffness[chunk * self.chunk..];
+                let mut quadratic = R::default();
+                for batch in 0..images[0].len() {
+                    let fresh = fresh[batch];
+                    quadratic += fresh * fresh * stiffness[batch];
+                    let known = images.each_ref().map(|image| image[batch]);
+                    for (image, new) in images.iter_mut().zip(combination.of(fresh, known)) {
+                        image[batch] = new;
+                    }
+                }
+                tally.sum[0] = Lanes([quadratic.total(), 0.0, 0.0, 0.0]);
+            },
+        );
+        Totals::of(tallies).sum[0]
+    }
+
+    /// C x in the image of x.
+    pub(super) fn keep(&self, x: &[Batch<R>], image: &mut [R]) {
+        let rows = self.all_within(image).par_iter_mut().zip(&self.rows).zip(x);
+        rows.with_min_len(self.chunk).for_each(|((compression, row), x)| *compression = *row * x[0]);
     }
 }

@@ -223,7 +223,7 @@ impl SingleOperator {
             sum += mechanisms.follow((slots, &self.slots), room, all, combination);
         }
         let whole = all.each_mut().map(|image| &mut **image);
-        sum += self.compliance.follow((slots, &self.slots), whole, combination);
+        sum += self.compliance.follow((slots, &self.slots), whole, tallies, combination);
         match &self.cell {
             Some(cell) => sum + cell.follow((slots, &self.slots), all, combination),
             None => sum,

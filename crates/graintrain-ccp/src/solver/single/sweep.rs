@@ -158,10 +158,7 @@ impl Sweeps {
         if let Some(mechanisms) = &operator.mechanisms {
             mechanisms.bring_all::<Octet>(image);
         }
-        let compliance = operator.compliance.of(0..operator.compliance.len());
-        for (batch, compression) in operator.compliance.all_within(image).iter_mut().enumerate() {
-            *compression = compliance[batch] * x[batch][0];
-        }
+        operator.compliance.keep(x, image);
         total
     }
 }
