@@ -320,28 +320,37 @@ struct Part<'a> {
 
 impl Part<'_> {
     fn sweep(self, sweep: Sweep) {
-        match (&self.operator.arrangement, sweep.model) {
-            (Arrangement::Radial(all), FrictionModel::Coulomb) => self.over::<_, true>(all, sweep),
-            (Arrangement::Radial(all), FrictionModel::Relaxed) => self.over::<_, false>(all, sweep),
-            (Arrangement::General(all), FrictionModel::Coulomb) => self.over::<_, true>(all, sweep),
-            (Arrangement::General(all), FrictionModel::Relaxed) => self.over::<_, false>(all, sweep),
+        match &self.operator.arrangement {
+            Arrangement::Radial(all) => self.over_all(all, sweep),
+            Arrangement::General(all) => self.over_all(all, sweep),
         }
     }
 
-    fn over<G: Geometry, const EXACT: bool>(self, geometry: &[G], sweep: Sweep) {
+    /// Code of its own where bodies move one by one and contacts are rigid: it takes 0.95 of the time.
+    fn over_all<G: Geometry>(self, geometry: &[G], sweep: Sweep) {
+        let is_coupled = self.operator.mechanisms.is_some() || self.operator.compliance.len() > 0;
+        match (sweep.model, is_coupled) {
+            (FrictionModel::Coulomb, false) => self.over::<_, true, false>(geometry, sweep),
+            (FrictionModel::Coulomb, true) => self.over::<_, true, true>(geometry, sweep),
+            (FrictionModel::Relaxed, false) => self.over::<_, false, false>(geometry, sweep),
+            (FrictionModel::Relaxed, true) => self.over::<_, false, true>(geometry, sweep),
+        }
+    }
+
+    fn over<G: Geometry, const EXACT: bool, const COUPLED: bool>(self, geometry: &[G], sweep: Sweep) {
         let geometry = &geometry[self.batches.clone()];
-        vectorised(InSingle(PartOver::<G, EXACT> { part: self, geometry, sweep }));
+        vectorised(InSingle(PartOver::<G, EXACT, COUPLED> { part: self, geometry, sweep }));
     }
 }
 
 /// The same over contacts of this geometry.
-struct PartOver<'a, 'b, G, const EXACT: bool> {
+struct PartOver<'a, 'b, G, const EXACT: bool, const COUPLED: bool> {
     part: Part<'a>,
     geometry: &'b [G],
     sweep: Sweep,
 }
 
-impl<G: Geometry, const EXACT: bool> SingleWork for PartOver<'_, '_, G, EXACT> {
+impl<G: Geometry, const EXACT: bool, const COUPLED: bool> SingleWork for PartOver<'_, '_, G, EXACT, COUPLED> {
     #[inline(always)]
     fn run<V: SingleVector>(self) {
         let Sweep { beta, relaxation, .. } = self.sweep;
@@ -353,7 +362,7 @@ impl<G: Geometry, const EXACT: bool> SingleWork for PartOver<'_, '_, G, EXACT> {
         }
         let has_window = !window.is_empty();
         let known = if has_window { &mut window[..] } else { &mut image[..] };
-        let compliance = operator.compliance.of(batches.clone());
+        let compliance = if COUPLED { operator.compliance.of(batches.clone()) } else { &[] };
         let [x, previous] = vectors;
         let (x, previous) = (V::of_batches(x), V::of_batches(previous));
         let mut tally = SingleTally::<V>::default();
@@ -372,7 +381,7 @@ impl<G: Geometry, const EXACT: bool> SingleWork for PartOver<'_, '_, G, EXACT> {
                 let (mu, r) = (V::of(numbers.mu), load(&numbers.r));
                 let (x, previous) = (&mut x[offset], &mut previous[offset]);
                 let places = &sweeps.places[batch];
-                let mechanisms = operator.mechanisms.as_ref().filter(|_| sweeps.coupled[batch]);
+                let mechanisms = operator.mechanisms.as_ref().filter(|_| COUPLED && sweeps.coupled[batch]);
                 for moves in &sweeps.moves[sweeps.first[batch] as usize..sweeps.first[batch + 1] as usize] {
                     if let Some(mechanisms) = mechanisms {
                         bring::<V>(places, moves, mechanisms, known);
