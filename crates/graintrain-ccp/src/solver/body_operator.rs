@@ -378,7 +378,7 @@ impl BodyOperator {
     }
 
     /// Slots of a range of chunks.
-    pub(super) fn slot_range(&self, chunks: Range<usize>) -> std::ops::Range<usize> {
+    pub(super) fn slot_range(&self, chunks: Range<usize>) -> Range<usize> {
         self.slots.of_chunks(chunks)
     }
 

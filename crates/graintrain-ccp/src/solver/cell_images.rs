@@ -197,7 +197,11 @@ pub(super) mod tests {
         Ccp::new(delassus, r, vec![0.3; contacts]).unwrap()
     }
 
-    fn relative_velocities(problem: &Ccp, solver: &mut dyn CcpSolver, settings: &SolveSettings) -> Vec<f64> {
+    pub(in crate::solver) fn relative_velocities(
+        problem: &Ccp,
+        solver: &mut dyn CcpSolver,
+        settings: &SolveSettings,
+    ) -> Vec<f64> {
         let mut g = vec![0.0; problem.r.len()];
         let report = solver.solve(problem, &mut g, settings).unwrap();
         assert_eq!(report.status, Status::Converged, "{}", report.solver);

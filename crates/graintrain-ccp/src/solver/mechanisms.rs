@@ -157,6 +157,28 @@ impl<M: Motion> Mechanism<M> {
             *q = sum.store();
         }
     }
+
+    /// See [`PackedMechanisms::room`].
+    fn room(&self) -> usize {
+        self.place.len() + self.bodies.len()
+    }
+
+    /// q = Y^T f of the impulses in the slots, then the velocities Y q of the bodies.
+    #[inline(always)]
+    fn make<R: Register<M>>(&self, (slots, table): (&[M], &SlotTable), room: &mut [M]) {
+        let (q, velocities) = room.split_at_mut(self.place.len());
+        q.fill(R::default().store());
+        for (body, &place) in self.bodies.iter().enumerate() {
+            let mut sum = R::default();
+            for &slot in table.of_body(place as usize) {
+                sum = sum.plus_scaled(1.0, R::load(slots[slot as usize]));
+            }
+            self.push::<R>(body, sum.store(), q);
+        }
+        for (body, velocity) in velocities.iter_mut().enumerate() {
+            *velocity = self.velocity::<R>(body, q);
+        }
+    }
 }
 
 /// Of a place whose body is in no mechanism.
@@ -249,8 +271,8 @@ impl<M: Motion> PackedMechanisms<M> {
         vec![M::of_numbers([0.0; EIGHT]); self.all.iter().map(Mechanism::room).sum()]
     }
 
-    /// Lets the mechanisms in image vectors follow what [`Self::make`] has made; their part of the quadratic
-    /// form, |q|^2.
+    /// Lets the mechanisms in image vectors follow what [`Mechanism::make`] has made; their part of the
+    /// quadratic form, |q|^2.
     fn combine<const K: usize>(
         &self,
         room: &[M],
@@ -273,30 +295,6 @@ impl<M: Motion> PackedMechanisms<M> {
             }
         }
         quadratic
-    }
-}
-
-impl<M: Motion> Mechanism<M> {
-    /// See [`PackedMechanisms::room`].
-    fn room(&self) -> usize {
-        self.place.len() + self.bodies.len()
-    }
-
-    /// q = Y^T f of the impulses in the slots, then the velocities Y q of the bodies.
-    #[inline(always)]
-    fn make<R: Register<M>>(&self, (slots, table): (&[M], &SlotTable), room: &mut [M]) {
-        let (q, velocities) = room.split_at_mut(self.place.len());
-        q.fill(R::default().store());
-        for (body, &place) in self.bodies.iter().enumerate() {
-            let mut sum = R::default();
-            for &slot in table.of_body(place as usize) {
-                sum = sum.plus_scaled(1.0, R::load(slots[slot as usize]));
-            }
-            self.push::<R>(body, sum.store(), q);
-        }
-        for (body, velocity) in velocities.iter_mut().enumerate() {
-            *velocity = self.velocity::<R>(body, q);
-        }
     }
 }
 
@@ -379,9 +377,8 @@ impl PackedMechanisms<Octet> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::cell_images::tests::solvable;
+    use super::super::cell_images::tests::{relative_velocities, solvable};
     use super::super::first_order::{FirstOrder, FirstOrderMethod};
-    use super::super::interface::CcpSolver;
     use super::super::settings::SolveSettings;
     use super::super::{AcceleratedSweeps, Apgd, GaussSeidel};
     use super::*;
@@ -405,15 +402,6 @@ mod tests {
         solvable(random_rigid(bodies, contacts, 7).with_coupled(coupled).with_compliance(compliance))
     }
 
-    fn velocities(problem: &Ccp, solver: &mut dyn CcpSolver, settings: &SolveSettings) -> Vec<f64> {
-        let mut g = vec![0.0; problem.r.len()];
-        let report = solver.solve(problem, &mut g, settings).unwrap();
-        assert_eq!(report.status, Status::Converged, "{}", report.solver);
-        let mut u = vec![0.0; g.len()];
-        problem.delassus.multiply(&g, &mut u, &mut problem.delassus.work());
-        u
-    }
-
     fn agree<S: FirstOrderMethod>(method: impl Fn() -> S) {
         for (bodies, contacts, is_compliant) in
             [(30, 40, false), (600, 900, false), (30, 40, true), (600, 900, true)]
@@ -422,8 +410,8 @@ mod tests {
             let over_rows = over_bodies.as_matrix_if(|_| true, &mut None).unwrap();
             for (tolerance, allowed) in [(1e-9, 1e-6), (2e-3, 0.3)] {
                 let settings = SolveSettings { tolerance, ..SolveSettings::default() };
-                let expected = velocities(&over_rows, &mut FirstOrder::new(method()), &settings);
-                let found = velocities(&over_bodies, &mut FirstOrder::new(method()), &settings);
+                let expected = relative_velocities(&over_rows, &mut FirstOrder::new(method()), &settings);
+                let found = relative_velocities(&over_bodies, &mut FirstOrder::new(method()), &settings);
                 let largest = found.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
                 assert!(largest < allowed, "{contacts} contacts to {tolerance:e}: {largest:e}");
             }
