@@ -120,21 +120,21 @@ fn closing(
     let placed = |joint: usize| Placed::of(&world.joints[joint], &|body| world.pose(body));
     let (mut units, mut right, mut norms) = (Vec::new(), Vec::new(), Vec::new());
     for (_, row) in rows {
-        let mut unit = row_over(row, bodies, roots, length);
+        let mut unit = row_over(row, bodies, roots);
         norms.push(made_unit(&mut unit));
         right.push(-row.value / norms[norms.len() - 1]);
         units.push(unit);
     }
     let across = taut.iter().flat_map(|&(joint, kappa)| placed(joint).across().1.map(|row| (row, kappa)));
     for (place, (row, kappa)) in (6 * bodies.len()..).zip(across) {
-        let mut unit = row_over(&row, bodies, roots, length);
-        unit[place] = (1.0 / kappa).sqrt();
+        let mut unit = row_over(&row, bodies, roots);
+        unit.push((place, (1.0 / kappa).sqrt()));
         made_unit(&mut unit);
         right.push(0.0);
         units.push(unit);
     }
     let mut z = vec![0.0; length];
-    let elimination = Elimination::new(length, units);
+    let elimination = Elimination::new(bodies.len(), length, &units);
     elimination.project(&mut z, &right);
     let mut forces = vec![Vec3::ZERO; joints.len()];
     for (((joint, row), norm), multiplier) in rows.iter().zip(norms).zip(elimination.multipliers(&z)) {

@@ -1,7 +1,6 @@
 //! Direct elimination of bilateral rows.
 //!
-//! For rows B (m x n, each of length one) this holds the orthogonal factorisation with pivoting of its
-//! transpose,
+//! For rows B (m x n, each of length one) this holds the orthogonal factorisation of their transpose,
 //!
 //! ```text
 //! B^T P = Q [ R11 R12 ]      R11 upper triangular of the rank of B
@@ -13,28 +12,74 @@
 //! light and heavy bodies in one chain keep their digits. Rows that repeat others (a plane linkage of hinges
 //! has three of them in every loop) are found by the rank, and multipliers are the shortest ones.
 //!
-//! Cost: about 2 n m^2 flops; meant for mechanisms of up to a few dozen bodies.
+//! A row touches a body or two, so Q is made of small factors (multifrontal): rows over the same bodies are
+//! eliminated together, those first that join the least, in a [`Front`] of the coordinates of these bodies;
+//! what they leave, as many coordinates as later rows can see of them, is one body more for those.
 //!
-//! Source: G. H. Golub, C. F. Van Loan, "Matrix Computations", 4th edition, 2013, sections 5.4 and 5.5
-//! (complete orthogonal decomposition); for mechanisms: M. Géradin, A. Cardona, "Flexible Multibody
-//! Dynamics", 2001, chapter on null-space elimination.
+//! Cost: of a tree of joints proportional to their number; of loops what their least dense order fills.
+//!
+//! Source: T. A. Davis, "Algorithm 915, SuiteSparseQR: multifrontal multithreaded rank-revealing sparse QR
+//! factorization", ACM Transactions on Mathematical Software 38(1):8, 2011; G. H. Golub, C. F. Van Loan,
+//! "Matrix Computations", 4th edition, 2013, sections 5.4 and 5.5; for mechanisms: M. Géradin, A. Cardona,
+//! "Flexible Multibody Dynamics", 2001, chapter on null-space elimination.
 
-/// Rows whose part beyond those before them is shorter than this repeat them.
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Rows whose part beyond those before them is shorter than this, over the longest row, repeat them.
 const DEPENDENT: f64 = 1e-11;
+
+/// Residual of the changes of right-hand sides over what is wanted: Newton's method makes up for it.
+const SETTLED: f64 = 1e-8;
+
+/// Iterations for them: they are few where the other rows are near those that are eliminated.
+const ITERATIONS: usize = 60;
+
+/// Entries of a row, by coordinate, ascending.
+pub(super) type SparseRow = Vec<(usize, f64)>;
 
 /// The factorisation.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Elimination {
+    /// How many blocks of six coordinates are bodies.
+    bodies: usize,
     /// n.
     length: usize,
-    /// Per row, in the order of the pivots: above the diagonal R, from it on the reflector.
-    columns: Vec<Vec<f64>>,
-    /// Diagonal of R11; its length is the rank.
+    /// m.
+    count: usize,
+    /// In the order in which they are eliminated.
+    fronts: Vec<Front>,
+    /// Orthonormal basis of the relations among rows: vectors x with B^T x = 0.
+    relations: Vec<Vec<f64>>,
+}
+
+/// Rows over the same bodies that are eliminated together.
+#[derive(Clone, Debug, Default)]
+struct Front {
+    /// Coordinates.
+    slots: Vec<usize>,
+    /// Which row of B a column is: first those that are eliminated here, then those of which coordinates stay
+    /// for later fronts, then what else has a part in it; last those that repeat others.
+    names: Vec<usize>,
+    /// By columns: above the diagonal R, from it on the reflector.
+    entries: Vec<f64>,
+    /// Diagonal of R, of all columns that have a reflector.
     diagonal: Vec<f64>,
-    /// Which row stands where.
-    pivots: Vec<usize>,
-    /// Factorisation of [R11 R12], where rows repeat others.
-    minimum: Option<Box<Elimination>>,
+    /// How many of these are of R11.
+    rank: usize,
+    /// How many rows repeat others.
+    repeated: usize,
+}
+
+/// Coordinates that the same rows touch: of a body, or what a front leaves of several.
+#[derive(Default)]
+struct Cluster {
+    slots: Vec<usize>,
+    /// Numbers of groups of rows, ascending.
+    groups: Vec<usize>,
+    /// Rows of B.
+    names: Vec<usize>,
+    /// Their entries at the slots, by rows of B.
+    entries: Vec<f64>,
 }
 
 /// In eight sums, which the machine makes at once.
@@ -50,143 +95,333 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + rest
 }
 
-fn subtract(x: &mut [f64], factor: f64, v: &[f64]) {
-    x.iter_mut().zip(v).for_each(|(x, v)| *x -= factor * v);
+/// y <- y + factor x.
+fn add(y: &mut [f64], factor: f64, x: &[f64]) {
+    y.iter_mut().zip(x).for_each(|(y, x)| *y += factor * x);
 }
 
-impl Elimination {
-    /// Of these rows of one length n. Rows of zeros are allowed.
-    pub(crate) fn new(length: usize, rows: Vec<Vec<f64>>) -> Self {
-        let mut own = Self::pivoted(length, rows);
-        if own.rank() < own.columns.len() {
-            let count = own.columns.len();
-            let trapezoid = (0..own.rank())
-                .map(|i| (0..count).map(|j| if j < i { 0.0 } else { own.entry(i, j) }).collect())
-                .collect();
-            own.minimum = Some(Box::new(Self::pivoted(count, trapezoid)));
+/// x <- (1 - v v^T) x.
+fn reflected(v: &[f64], x: &mut [f64]) {
+    let factor = dot(v, x);
+    add(x, -factor, v);
+}
+
+impl Front {
+    /// Of rows `own` and what later rows have at the same coordinates, with what those have after it.
+    /// `place` has a number per row of B that means nothing.
+    fn new(own: Vec<usize>, merged: &[Cluster], longest: f64, place: &mut [usize]) -> (Self, Cluster) {
+        let (slots, mut names) = (merged.iter().flat_map(|cluster| cluster.slots.clone()).collect(), own);
+        let eliminated = names.len();
+        let all = || merged.iter().flat_map(|cluster| &cluster.names);
+        all().for_each(|&row| place[row] = usize::MAX);
+        names.iter().zip(0..).for_each(|(&row, k)| place[row] = k);
+        for &row in all() {
+            if place[row] == usize::MAX {
+                place[row] = names.len();
+                names.push(row);
+            }
         }
-        own
+        let mut front = Self { slots, names, ..Self::default() };
+        let size = front.slots.len();
+        front.entries = vec![0.0; size * front.names.len()];
+        let mut first = 0;
+        for cluster in merged {
+            let own = cluster.slots.len();
+            for (&row, entries) in cluster.names.iter().zip(cluster.entries.chunks_exact(own.max(1))) {
+                let start = place[row] * size + first;
+                front.entries[start..start + own].copy_from_slice(entries);
+            }
+            first += own;
+        }
+        front.triangularise(eliminated, DEPENDENT * longest);
+        front.rank = front.diagonal.len();
+        front.repeated = eliminated - front.rank;
+        front.names[front.rank..].rotate_left(front.repeated);
+        front.entries[front.rank * size..].rotate_left(front.repeated * size);
+        let seen = front.names.len() - front.repeated;
+        front.triangularise(seen, 0.0);
+        let (left, kept) = (front.rank..seen, front.rank..front.diagonal.len());
+        let entry = |i: usize, j: usize| if i > j { 0.0 } else { front.entry(i, j) };
+        let entries = left.clone().flat_map(|j| kept.clone().map(move |i| entry(i, j))).collect();
+        let (slots, names) = (front.slots[kept.clone()].to_vec(), front.names[left.clone()].to_vec());
+        (front, Cluster { slots, groups: Vec::new(), names, entries })
     }
 
-    fn pivoted(length: usize, rows: Vec<Vec<f64>>) -> Self {
-        let (mut columns, mut diagonal) = (rows, Vec::new());
-        let count = columns.len();
-        let mut pivots: Vec<usize> = (0..count).collect();
-        let largest = columns.iter().map(|c| dot(c, c)).fold(0.0, f64::max).sqrt();
-        for k in 0..count.min(length) {
-            let rest = |c: &Vec<f64>| dot(&c[k..], &c[k..]);
-            let (mut pivot, mut most) = (k, rest(&columns[k]));
-            for (j, column) in columns.iter().enumerate().skip(k + 1) {
+    /// Reflectors for columns below `until`, the longest first, as long as they are longer than this.
+    fn triangularise(&mut self, until: usize, shortest: f64) {
+        let size = self.slots.len();
+        for k in self.diagonal.len()..until.min(size) {
+            let rest = |column: &[f64]| dot(&column[k..], &column[k..]);
+            let mut columns = self.entries.chunks_exact(size).enumerate().take(until).skip(k);
+            let (mut pivot, mut most) = (k, columns.next().map_or(0.0, |(_, column)| rest(column)));
+            for (j, column) in columns {
                 let square = rest(column);
                 if square > most {
                     (pivot, most) = (j, square);
                 }
             }
             let norm = most.sqrt();
-            if norm.is_nan() || norm <= DEPENDENT * largest {
+            if norm.is_nan() || norm <= shortest {
                 break;
             }
-            columns.swap(k, pivot);
-            pivots.swap(k, pivot);
+            self.names.swap(k, pivot);
+            let (head, tail) = self.entries.split_at_mut((k + 1) * size);
+            if pivot > k {
+                head[k * size..].swap_with_slice(&mut tail[(pivot - k - 1) * size..(pivot - k) * size]);
+            }
             // H = 1 - v v^T with |v|^2 = 2 sends the column to -sign norm e_k.
-            let (head, tail) = columns.split_at_mut(k + 1);
-            let reflector = &mut head[k][k..];
+            let reflector = &mut head[k * size + k..];
             let sign = 1.0_f64.copysign(reflector[0]);
             reflector[0] += sign * norm;
             let scale = (2.0 / dot(reflector, reflector)).sqrt();
             reflector.iter_mut().for_each(|x| *x *= scale);
-            for column in tail {
-                let factor = dot(reflector, &column[k..]);
-                subtract(&mut column[k..], factor, reflector);
-            }
-            diagonal.push(-sign * norm);
+            tail.chunks_exact_mut(size).for_each(|column| reflected(reflector, &mut column[k..]));
+            self.diagonal.push(-sign * norm);
         }
-        Self { length, columns, diagonal, pivots, minimum: None }
     }
 
-    /// Number of independent rows.
-    pub(crate) fn rank(&self) -> usize {
-        self.diagonal.len()
+    fn column(&self, j: usize) -> &[f64] {
+        &self.entries[j * self.slots.len()..(j + 1) * self.slots.len()]
     }
 
     /// Entry of R.
     fn entry(&self, i: usize, j: usize) -> f64 {
-        if i == j { self.diagonal[i] } else { self.columns[j][i] }
+        if i == j && i < self.diagonal.len() { self.diagonal[i] } else { self.column(j)[i] }
     }
 
-    fn apply(&self, k: usize, x: &mut [f64]) {
-        let reflector = &self.columns[k][k..];
-        let factor = dot(reflector, &x[k..]);
-        subtract(&mut x[k..], factor, reflector);
+    /// Row of R11 and R12 right of the diagonal: rows of B with their entries.
+    fn beyond(&self, i: usize) -> impl Iterator<Item = (usize, f64)> {
+        let entries = self.entries.iter().skip(i).step_by(self.slots.len().max(1));
+        self.names.iter().copied().zip(entries.copied()).skip(i + 1)
+    }
+
+    /// Applies the reflectors in this order to what is at the coordinates.
+    fn apply(&self, order: impl Iterator<Item = usize>, x: &mut [f64], own: &mut Vec<f64>) {
+        own.clear();
+        own.extend(self.slots.iter().map(|&slot| x[slot]));
+        if own.iter().all(|x| *x == 0.0) {
+            return;
+        }
+        order.for_each(|k| reflected(&self.column(k)[k..], &mut own[k..]));
+        self.slots.iter().zip(own).for_each(|(&slot, own)| x[slot] = *own);
+    }
+}
+
+/// Rows over the same blocks of coordinates.
+fn groups(rows: &[SparseRow], block: impl Fn(usize) -> usize) -> Vec<(Vec<usize>, Vec<usize>)> {
+    let mut groups: BTreeMap<Vec<usize>, Vec<usize>> = BTreeMap::new();
+    for (row, entries) in rows.iter().enumerate() {
+        let mut blocks: Vec<usize> = entries.iter().map(|(place, _)| block(*place)).collect();
+        blocks.dedup();
+        groups.entry(blocks).or_default().push(row);
+    }
+    groups.into_iter().collect()
+}
+
+impl Elimination {
+    /// Of these rows over `bodies` bodies, six coordinates each, and further coordinates up to this length.
+    /// Rows of zeros are allowed.
+    pub(crate) fn new(bodies: usize, length: usize, rows: &[SparseRow]) -> Self {
+        let block = |place: usize| if place < 6 * bodies { place / 6 } else { place - 5 * bodies };
+        let slots = |block: usize| match block < bodies {
+            true => 6 * block..6 * block + 6,
+            false => block + 5 * bodies..block + 5 * bodies + 1,
+        };
+        let groups = groups(rows, block);
+        let longest = rows.iter().map(|row| row.iter().map(|(_, x)| x * x).sum()).fold(0.0, f64::max);
+        let blocks = bodies + length - 6 * bodies;
+        let mut clusters: Vec<Cluster> = (0..blocks).map(|_| Cluster::default()).collect();
+        for (group, (blocks, members)) in groups.iter().enumerate() {
+            for &block in blocks {
+                let (slots, cluster) = (slots(block), &mut clusters[block]);
+                cluster.slots = slots.clone().collect();
+                cluster.groups.push(group);
+                for &row in members {
+                    let first = cluster.entries.len();
+                    cluster.names.push(row);
+                    cluster.entries.resize(first + slots.len(), 0.0);
+                    for (place, x) in rows[row].iter().filter(|(place, _)| slots.contains(place)) {
+                        cluster.entries[first + place - slots.start] = *x;
+                    }
+                }
+            }
+        }
+        let mut own = Self { bodies, length, count: rows.len(), ..Self::default() };
+        own.eliminate(groups.into_iter().unzip(), clusters, f64::sqrt(longest));
+        own.relate();
+        own
+    }
+
+    /// Makes the fronts: those groups first that join the fewest columns.
+    fn eliminate(
+        &mut self,
+        (mut touched, mut members): (Vec<Vec<usize>>, Vec<Vec<usize>>),
+        mut clusters: Vec<Cluster>,
+        longest: f64,
+    ) {
+        let cost = |touched: &[usize], clusters: &[Cluster]| -> usize {
+            touched.iter().map(|&cluster| clusters[cluster].names.len()).sum()
+        };
+        let mut costs: Vec<usize> = touched.iter().map(|own| cost(own, &clusters)).collect();
+        let mut queue: BTreeSet<(usize, usize)> = costs.iter().copied().zip(0..).collect();
+        let mut place = vec![0; self.count];
+        while let Some((_, group)) = queue.pop_first() {
+            let joined = std::mem::take(&mut touched[group]);
+            let merged: Vec<Cluster> = joined.iter().map(|&own| std::mem::take(&mut clusters[own])).collect();
+            let own = std::mem::take(&mut members[group]);
+            let (front, mut left) = Front::new(own, &merged, longest, &mut place);
+            self.fronts.push(front);
+            left.groups = merged.into_iter().flat_map(|cluster| cluster.groups).collect();
+            left.groups.sort_unstable();
+            left.groups.dedup();
+            left.groups.retain(|&other| other != group);
+            let (next, seen) = (clusters.len(), left.groups.clone());
+            clusters.push(left);
+            for other in seen {
+                touched[other].retain(|cluster| !joined.contains(cluster));
+                touched[other].push(next);
+                queue.remove(&(costs[other], other));
+                costs[other] = cost(&touched[other], &clusters);
+                queue.insert((costs[other], other));
+            }
+        }
+    }
+
+    /// Finds the relations among rows.
+    fn relate(&mut self) {
+        let mut relations: Vec<Vec<f64>> = Vec::new();
+        for front in &self.fronts {
+            for &row in &front.names[front.names.len() - front.repeated..] {
+                let mut relation = vec![0.0; self.count];
+                relation[row] = 1.0;
+                self.solve_back(&[], &mut relation);
+                // Twice is enough.
+                for _ in 0..2 {
+                    for known in &relations {
+                        let along = dot(known, &relation);
+                        add(&mut relation, -along, known);
+                    }
+                }
+                let norm = dot(&relation, &relation).sqrt();
+                relation.iter_mut().for_each(|x| *x /= norm);
+                relations.push(relation);
+            }
+        }
+        self.relations = relations;
     }
 
     /// x <- Q^T x.
     fn reflect(&self, x: &mut [f64]) {
-        (0..self.rank()).for_each(|k| self.apply(k, x));
+        let mut own = Vec::new();
+        self.fronts.iter().for_each(|front| front.apply(0..front.diagonal.len(), x, &mut own));
     }
 
     /// x <- Q x.
     fn reflect_back(&self, x: &mut [f64]) {
-        (0..self.rank()).rev().for_each(|k| self.apply(k, x));
+        let mut own = Vec::new();
+        let fronts = self.fronts.iter().rev();
+        fronts.for_each(|front| front.apply((0..front.diagonal.len()).rev(), x, &mut own));
+    }
+
+    /// Coordinates of Q^T z of R11: (front, place there, coordinate).
+    fn pivots(&self) -> impl DoubleEndedIterator<Item = (&Front, usize, usize)> {
+        self.fronts.iter().flat_map(|front| (0..front.rank).map(move |k| (front, k, front.slots[k])))
     }
 
     /// z <- the nearest point to z with B z = b; of rows that repeat others the b does not count.
     pub(crate) fn project(&self, z: &mut [f64], b: &[f64]) {
         self.reflect(z);
-        for k in 0..self.rank() {
-            let before: f64 = (0..k).map(|i| self.columns[k][i] * z[i]).sum();
-            z[k] = (b[self.pivots[k]] - before) / self.diagonal[k];
+        let mut rest = b.to_vec();
+        for (front, k, slot) in self.pivots() {
+            z[slot] = rest[front.names[k]] / front.diagonal[k];
+            front.beyond(k).for_each(|(row, entry)| rest[row] -= entry * z[slot]);
         }
         self.reflect_back(z);
     }
 
-    /// The changes of b by which [`Self::project`] changes C z by `wanted`, for as many other rows C.
-    pub(crate) fn changes(&self, mut others: Vec<Vec<f64>>, wanted: &[f64]) -> Vec<f64> {
-        let rank = self.rank();
-        for row in &mut others {
-            self.reflect(row);
-            row.truncate(rank);
+    /// z <- its part in the range of B^T.
+    fn along(&self, z: &mut [f64]) {
+        let before = z.to_vec();
+        self.reflect(z);
+        self.pivots().for_each(|(.., slot)| z[slot] = 0.0);
+        self.reflect_back(z);
+        z.iter_mut().zip(before).for_each(|(z, before)| *z = before - *z);
+    }
+
+    /// B z of a z in the range of B^T.
+    fn times(&self, z: &[f64]) -> Vec<f64> {
+        let (mut z, mut product) = (z.to_vec(), vec![0.0; self.count]);
+        self.reflect(&mut z);
+        for (front, k, slot) in self.pivots() {
+            product[front.names[k]] += front.diagonal[k] * z[slot];
+            front.beyond(k).for_each(|(row, entry)| product[row] += entry * z[slot]);
         }
-        let mut along = vec![0.0; rank];
-        Self::new(rank, others).project(&mut along, wanted);
-        let mut changes = vec![0.0; self.columns.len()];
-        for (place, &row) in self.pivots.iter().enumerate() {
-            changes[row] =
-                along.iter().enumerate().take(place + 1).map(|(i, x)| self.entry(i, place) * x).sum();
+        product
+    }
+
+    /// The changes of b by which [`Self::project`] changes C z by `wanted`, for as many other rows C: z in
+    /// the range of B^T whose part in that of C^T is the shortest vector of these C z, by conjugate
+    /// gradients. The squares of the cosines between both ranges are the eigenvalues: all next to 1 where the
+    /// rows are near each other.
+    pub(crate) fn changes(&self, others: &[SparseRow], wanted: &[f64]) -> Vec<f64> {
+        let others = Self::new(self.bodies, self.length, others);
+        let mut rest = vec![0.0; self.length];
+        others.project(&mut rest, wanted);
+        self.along(&mut rest);
+        let (mut z, mut way) = (vec![0.0; self.length], rest.clone());
+        let mut square = dot(&rest, &rest);
+        let small = SETTLED * SETTLED * square;
+        for _ in 0..ITERATIONS {
+            if square.is_nan() || square <= small {
+                break;
+            }
+            let mut image = way.clone();
+            others.along(&mut image);
+            self.along(&mut image);
+            let step = square / dot(&way, &image);
+            if !step.is_finite() {
+                break;
+            }
+            add(&mut z, step, &way);
+            add(&mut rest, -step, &image);
+            let before = std::mem::replace(&mut square, dot(&rest, &rest));
+            way.iter_mut().zip(&rest).for_each(|(way, rest)| *way = rest + square / before * *way);
         }
-        changes
+        self.times(&z)
+    }
+
+    /// Solves R11 x = t - R12 x, where x is given for rows that repeat others; t at the slots of Q^T (empty:
+    /// zero).
+    fn solve_back(&self, t: &[f64], x: &mut [f64]) {
+        for (front, k, slot) in self.pivots().rev() {
+            let after: f64 = front.beyond(k).map(|(row, entry)| entry * x[row]).sum();
+            x[front.names[k]] = (t.get(slot).unwrap_or(&0.0) - after) / front.diagonal[k];
+        }
     }
 
     /// The shortest multipliers with B^T lambda = t, for t in the range of B^T.
     pub(crate) fn multipliers(&self, t: &[f64]) -> Vec<f64> {
-        let (count, rank) = (self.columns.len(), self.rank());
-        let mut x = t.to_vec();
-        self.reflect(&mut x);
-        let mut permuted = vec![0.0; count];
-        if let Some(minimum) = &self.minimum {
-            minimum.project(&mut permuted, &x[..rank]);
-        } else {
-            for i in (0..rank).rev() {
-                let after: f64 = (i + 1..rank).map(|j| self.columns[j][i] * permuted[j]).sum();
-                permuted[i] = (x[i] - after) / self.diagonal[i];
-            }
-        }
-        let mut multipliers = vec![0.0; count];
-        for (place, &row) in self.pivots.iter().enumerate() {
-            multipliers[row] = permuted[place];
+        let (mut t, mut multipliers) = (t.to_vec(), vec![0.0; self.count]);
+        self.reflect(&mut t);
+        self.solve_back(&t, &mut multipliers);
+        for relation in &self.relations {
+            let along = dot(relation, &multipliers);
+            add(&mut multipliers, -along, relation);
         }
         multipliers
     }
 
     /// Orthonormal vectors that span what the rows leave free.
     pub(crate) fn free_motions(&self) -> Vec<Vec<f64>> {
-        let unit = |k: usize| {
+        let mut is_free = vec![true; self.length];
+        self.pivots().for_each(|(.., slot)| is_free[slot] = false);
+        let unit = |slot: usize| {
             let mut x = vec![0.0; self.length];
-            x[k] = 1.0;
+            x[slot] = 1.0;
             self.reflect_back(&mut x);
             x
         };
-        (self.rank()..self.length).map(unit).collect()
+        (0..self.length).filter(|&slot| is_free[slot]).map(unit).collect()
     }
 }
 
@@ -195,51 +430,126 @@ mod tests {
     use super::*;
     use rand::{RngExt, SeedableRng};
 
+    fn sparse(rows: &[Vec<f64>]) -> Vec<SparseRow> {
+        let entries = |row: &Vec<f64>| row.iter().copied().enumerate().filter(|(_, x)| *x != 0.0).collect();
+        rows.iter().map(entries).collect()
+    }
+
     fn random_rows(count: usize, length: usize, seed: u64) -> Vec<Vec<f64>> {
         let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
         (0..count).map(|_| (0..length).map(|_| random.random_range(-1.0..1.0)).collect()).collect()
     }
 
-    /// Projection, multipliers and free motions by their definitions, with and without rows that repeat
-    /// others.
+    /// Projection, multipliers and free motions by their definitions, of these rows and mixtures of them.
+    fn obeys_its_optimality_conditions(bodies: usize, rows: &[Vec<f64>], length: usize, mixing: &[Vec<f64>]) {
+        let mut rows = rows.to_vec();
+        let independent = rows.len();
+        for mix in mixing {
+            rows.push((0..length).map(|k| mix.iter().zip(&rows).map(|(m, row)| m * row[k]).sum()).collect());
+        }
+        let z_of_rhs = random_rows(1, length, 5).remove(0);
+        let b: Vec<f64> = rows.iter().map(|row| dot(row, &z_of_rhs)).collect();
+        let start = random_rows(1, length, 6).remove(0);
+        let own = Elimination::new(bodies, length, &sparse(&rows));
+        assert_eq!(own.relations.len(), mixing.len());
+        let mut z = start.clone();
+        own.project(&mut z, &b);
+        for (row, b) in rows.iter().zip(&b) {
+            assert!((dot(row, &z) - b).abs() < 1e-13 * length as f64);
+        }
+        let way: Vec<f64> = z.iter().zip(&start).map(|(z, start)| z - start).collect();
+        let lambda = own.multipliers(&way);
+        for k in 0..length {
+            let sum: f64 = rows.iter().zip(&lambda).map(|(row, lambda)| row[k] * lambda).sum();
+            let size = lambda.iter().fold(1.0_f64, |most, x| most.max(x.abs()));
+            assert!((sum - way[k]).abs() < 1e-13 * size, "{sum} {} {size}", way[k]);
+        }
+        let free = own.free_motions();
+        assert_eq!(free.len(), length - independent);
+        for (i, motion) in free.iter().enumerate() {
+            assert!(rows.iter().all(|row| dot(row, motion).abs() < 1e-13));
+            for (j, other) in free.iter().enumerate() {
+                assert!((dot(motion, other) - f64::from(u8::from(i == j))).abs() < 1e-13);
+            }
+        }
+        // The shortest multipliers are in the range of B: orthogonal to every relation among the rows.
+        for (mix, place) in mixing.iter().zip(independent..) {
+            let relation: f64 = mix.iter().zip(&lambda).map(|(m, l)| m * l).sum::<f64>() - lambda[place];
+            let size = lambda.iter().fold(1.0_f64, |most, x| most.max(x.abs()));
+            assert!(relation.abs() < 1e-12 * size, "{relation}");
+        }
+    }
+
     #[test]
     fn projections_obey_their_optimality_conditions() {
         for (independent, repeated, length) in [(4, 0, 9), (5, 3, 9), (7, 0, 7), (1, 4, 3), (0, 2, 4)] {
-            let mut rows = random_rows(independent, length, 3 + length as u64);
+            let rows = random_rows(independent, length, 3 + length as u64);
             let mixing = random_rows(repeated, independent, 11);
-            let z_of_rhs = random_rows(1, length, 5).remove(0);
-            for mix in &mixing {
-                let row =
-                    (0..length).map(|k| mix.iter().zip(&rows).map(|(m, row)| m * row[k]).sum()).collect();
-                rows.push(row);
-            }
-            let b: Vec<f64> = rows.iter().map(|row| dot(row, &z_of_rhs)).collect();
-            let start = random_rows(1, length, 6).remove(0);
-            let own = Elimination::new(length, rows.clone());
-            assert_eq!(own.rank(), independent);
-            let mut z = start.clone();
-            own.project(&mut z, &b);
-            for (row, b) in rows.iter().zip(&b) {
-                assert!((dot(row, &z) - b).abs() < 1e-13);
-            }
-            let way: Vec<f64> = z.iter().zip(&start).map(|(z, start)| z - start).collect();
-            let lambda = own.multipliers(&way);
-            for k in 0..length {
-                let sum: f64 = rows.iter().zip(&lambda).map(|(row, lambda)| row[k] * lambda).sum();
-                assert!((sum - way[k]).abs() < 1e-12);
-            }
-            let free = own.free_motions();
-            assert_eq!(free.len(), length - independent);
-            for motion in &free {
-                assert!(rows.iter().all(|row| dot(row, motion).abs() < 1e-13));
-                assert!((dot(motion, motion) - 1.0).abs() < 1e-13);
-            }
-            // The shortest multipliers are in the range of B: orthogonal to every relation among the rows.
-            for (mix, place) in mixing.iter().zip(independent..) {
-                let relation: f64 = mix.iter().zip(&lambda).map(|(m, l)| m * l).sum::<f64>() - lambda[place];
-                assert!(relation.abs() < 1e-12, "{relation}");
+            obeys_its_optimality_conditions(length / 6, &rows, length, &mixing);
+        }
+    }
+
+    /// Rows over pairs of bodies (none: over one alone), so many of each, those of every third with a
+    /// coordinate of their own; bodies from 1e-3 to 1e3 times as light.
+    fn rows_of_joints(joints: &[(usize, Option<usize>, usize)], bodies: usize) -> (Vec<Vec<f64>>, usize) {
+        let springs = joints.len().div_ceil(3);
+        let mut rows = Vec::new();
+        for (joint, &(first, second, count)) in joints.iter().enumerate() {
+            for dense in random_rows(count, 13, joint as u64) {
+                let mut row = vec![0.0; 6 * bodies + springs];
+                for (end, body) in [Some(first), second].into_iter().enumerate() {
+                    let Some(body) = body else { continue };
+                    let light = 10_f64.powi(body as i32 % 7 - 3);
+                    let own = dense[6 * end..6 * end + 6].iter().map(|x| light * x);
+                    row[6 * body..6 * body + 6].iter_mut().zip(own).for_each(|(row, x)| *row = x);
+                }
+                if joint % 3 == 0 {
+                    row[6 * bodies + joint / 3] = dense[12];
+                }
+                let norm = dot(&row, &row).sqrt();
+                rows.push(row.into_iter().map(|x| x / norm).collect());
             }
         }
+        (rows, 6 * bodies + springs)
+    }
+
+    /// The same of rows that touch few bodies each: chains, trees, rings, stars, a lattice, parts that hang
+    /// together by nothing; with joints that repeat what others do, and bodies that none holds.
+    #[test]
+    fn fronts_eliminate_what_the_whole_matrix_does() {
+        let chain = |n: usize, rows: usize| (1..n).map(move |k| (k - 1, Some(k), rows)).collect::<Vec<_>>();
+        let tree = (1..13).map(|k| ((k - 1) / 3, Some(k), 4)).collect();
+        let star = (1..9).map(|k| (0, Some(k), 5)).collect();
+        let mut ring = chain(9, 3);
+        ring.extend([(8, Some(0), 3), (4, None, 2)]);
+        let lattice = |k: usize| [(k, k + 1, k % 4 < 3), (k, k + 4, k < 12)];
+        let lattice =
+            (0..16).flat_map(lattice).filter(|(.., is)| *is).map(|(a, b, _)| (a, Some(b), 2)).collect();
+        for joints in
+            [chain(30, 5), tree, star, ring, lattice, vec![(2, Some(3), 4), (0, None, 6), (5, Some(7), 5)]]
+        {
+            let (rows, length) = rows_of_joints(&joints, 31);
+            for repeated in [0, 4] {
+                // Each repeats rows of one joint, as a second joint there does.
+                let mix = |k: usize| {
+                    (0..rows.len()).map(move |row| {
+                        f64::from(u8::from(row == 2 * k)) - f64::from(u8::from(row == 2 * k + 1))
+                    })
+                };
+                let mixing: Vec<Vec<f64>> = (0..repeated).map(|k| mix(k).collect()).collect();
+                obeys_its_optimality_conditions(31, &rows, length, &mixing);
+            }
+        }
+    }
+
+    /// A chain costs what its links do: no front is larger than those of two bodies.
+    #[test]
+    fn the_fronts_of_a_chain_are_small() {
+        let joints: Vec<_> = (1..200).map(|k| (k - 1, Some(k), 3)).collect();
+        let (rows, length) = rows_of_joints(&joints, 200);
+        let own = Elimination::new(200, length, &sparse(&rows));
+        assert_eq!(own.fronts.len(), 199);
+        assert!(own.fronts.iter().all(|front| front.slots.len() <= 12 + 3 && front.names.len() <= 9));
     }
 
     /// What other rows see of the changes is what was asked for, with and without rows that repeat others.
@@ -257,8 +567,8 @@ mod tests {
             let [own, others] = [3, 7].map(|seed| with_repeated(random_rows(4, 9, seed)));
             let way = random_rows(1, 9, 5).remove(0);
             let wanted: Vec<f64> = others.iter().map(|row| dot(row, &way)).collect();
-            let elimination = Elimination::new(9, own);
-            let changes = elimination.changes(others.clone(), &wanted);
+            let elimination = Elimination::new(1, 9, &sparse(&own));
+            let changes = elimination.changes(&sparse(&others), &wanted);
             let mut z = vec![0.0; 9];
             elimination.project(&mut z, &changes);
             for (row, wanted) in others.iter().zip(&wanted) {

@@ -38,7 +38,7 @@ pub(crate) use reactions::JointReactions;
 use switching::CLEAR;
 use vibration::spring_shares;
 
-use super::elimination::Elimination;
+use super::elimination::{Elimination, SparseRow};
 use super::kinematics::{Placed, Row, coordinate, held, last};
 use super::rows::{Root, connected, length_of, made_unit, row_over};
 use super::stiffening::{Stiffening, stiffness};
@@ -271,31 +271,32 @@ impl<'a> Mechanisms<'a> {
     }
 
     /// Makes the rows of a mechanism with motors and stops as the states say, and eliminates them. Where the
-    /// step resolves the swings that its joints leave free it is not stiff: stiffness that comes and goes
-    /// with the forces makes energy.
+    /// step resolves the swings that it leaves free, held by what does not let go (not by stops and motors
+    /// with a limit, which would hold light links against all that pulls at them), it is not stiff: stiffness
+    /// that comes and goes with the forces makes energy.
     fn arrange(&mut self, mechanism: &mut Mechanism) {
         self.make_rows(mechanism);
-        if mechanism.is_stiff() && self.resolves(mechanism) {
-            let none = vec![Mat3::ZERO; mechanism.bodies.len()];
-            self.stiffen_by(mechanism, none, Vec::new());
-            self.make_rows(mechanism);
+        mechanism.stiffening = None;
+        if mechanism.is_stiff() {
+            let rows = mechanism.rows.clone();
+            mechanism.factorise(|row| match row.role {
+                Role::Stop => false,
+                Role::Motor => self.world.joints[row.joint].joint.is_driven(),
+                Role::Held(_) | Role::Spring | Role::Taut(_) => true,
+            });
+            mechanism.stiffening = mechanism.stiffening();
+            if mechanism.stiffening.is_none() {
+                let none = vec![Mat3::ZERO; mechanism.bodies.len()];
+                self.stiffen_by(mechanism, none, Vec::new());
+                self.make_rows(mechanism);
+            } else if mechanism.rows.len() == rows.len() {
+                return;
+            } else {
+                mechanism.rows = rows;
+            }
         }
         mechanism.factorise(|_| true);
         mechanism.stiffening = mechanism.stiffening();
-    }
-
-    /// Whether the step resolves the swings of a mechanism that is held by what does not let go: not by stops
-    /// and motors with a limit, which would hold light links against all that pulls at them.
-    fn resolves(&self, mechanism: &mut Mechanism) -> bool {
-        let rows = mechanism.rows.clone();
-        mechanism.factorise(|row| match row.role {
-            Role::Stop => false,
-            Role::Motor => self.world.joints[row.joint].joint.is_driven(),
-            Role::Held(_) | Role::Spring | Role::Taut(_) => true,
-        });
-        let resolves = mechanism.stiffening().is_none();
-        mechanism.rows = rows;
-        resolves
     }
 
     /// The rows of a mechanism, not eliminated; how paths bent stays with those that there were.
@@ -676,15 +677,15 @@ impl Mechanism {
         let mut spring = 6 * self.bodies.len();
         let mut rows = Vec::with_capacity(self.rows.len());
         for own in &mut self.rows {
-            let mut row = row_over(&own.row, &self.bodies, &self.roots, length);
+            let mut row = row_over(&own.row, &self.bodies, &self.roots);
             if own.compliance > 0.0 {
-                row[spring] = own.compliance.sqrt();
+                row.push((spring, own.compliance.sqrt()));
                 spring += 1;
             }
             own.norm = made_unit(&mut row);
             rows.push(row);
         }
-        self.elimination = Elimination::new(length, rows);
+        self.elimination = Elimination::new(self.bodies.len(), length, &rows);
     }
 
     /// The changes of right-hand sides that change rates by what is `missing`, where changes of velocities
@@ -693,18 +694,18 @@ impl Mechanism {
         let mut springs = self.springs();
         let row = |(own, seen): (&ActiveRow, &Option<Row>)| {
             let row = seen.as_ref().unwrap_or(&own.row);
-            let mut row = row_over(row, &self.bodies, &self.roots, 6 * self.bodies.len() + self.springs);
+            let mut row = row_over(row, &self.bodies, &self.roots);
             if own.compliance > 0.0
                 && let Some((place, _)) = springs.next()
             {
-                row[place] = own.compliance.sqrt();
+                row.push((place, own.compliance.sqrt()));
             }
-            row.iter_mut().for_each(|x| *x /= own.norm);
+            row.iter_mut().for_each(|(_, x)| *x /= own.norm);
             row
         };
-        let rows = self.rows.iter().zip(seen).map(row).collect();
+        let rows: Vec<SparseRow> = self.rows.iter().zip(seen).map(row).collect();
         let missing: Vec<f64> = self.rows.iter().zip(missing).map(|(own, rate)| rate / own.norm).collect();
-        let mut changes = self.elimination.changes(rows, &missing);
+        let mut changes = self.elimination.changes(&rows, &missing);
         changes.iter_mut().zip(&self.rows).for_each(|(change, own)| *change *= own.norm);
         changes
     }

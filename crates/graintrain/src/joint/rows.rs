@@ -1,10 +1,12 @@
 //! Rows of joints over the bodies that they hold together, and which bodies those are.
 
 use super::JointKind;
+use super::elimination::SparseRow;
 use super::kinematics::Row;
 use crate::math::{Mat3, Vec3};
 use crate::world::World;
 use graintrain_ccp::BodyInverseMass;
+use std::collections::BTreeMap;
 
 /// S with S S^T = M^-1 of one body: lower triangular, zero for what is prescribed.
 #[derive(Clone, Copy, Debug)]
@@ -67,27 +69,31 @@ impl Root {
     }
 }
 
-/// S^T of a row's derivatives, over these bodies.
-pub(super) fn row_over(row: &Row, bodies: &[u32], roots: &[Root], length: usize) -> Vec<f64> {
-    let mut all = vec![0.0; length];
+/// S^T of a row's derivatives, over these bodies, six coordinates each.
+pub(super) fn row_over(row: &Row, bodies: &[u32], roots: &[Root]) -> SparseRow {
+    let mut all = SparseRow::new();
     for (body, parts) in &row.ends {
-        if let Ok(k) = bodies.binary_search(&(*body as u32)) {
-            let [z, w] = roots[k].transposed_times(*parts);
-            for (axis, x) in z.to_array().into_iter().chain(w.to_array()).enumerate() {
-                all[6 * k + axis] += x;
+        let Ok(k) = bodies.binary_search(&(*body as u32)) else { continue };
+        let [z, w] = roots[k].transposed_times(*parts);
+        for (place, x) in (6 * k..).zip(z.to_array().into_iter().chain(w.to_array())) {
+            // A gear may name a body twice.
+            match all.iter_mut().find(|(known, _)| *known == place) {
+                Some((_, sum)) => *sum += x,
+                None => all.push((place, x)),
             }
         }
     }
+    all.sort_unstable_by_key(|(place, _)| *place);
     all
 }
 
 /// Divides a row by its length, which is returned; 1 for a row of zeros.
-pub(super) fn made_unit(row: &mut [f64]) -> f64 {
-    let norm = row.iter().map(|x| x * x).sum::<f64>().sqrt();
+pub(super) fn made_unit(row: &mut SparseRow) -> f64 {
+    let norm = row.iter().map(|(_, x)| x * x).sum::<f64>().sqrt();
     if norm.is_nan() || norm <= 0.0 {
         return 1.0;
     }
-    row.iter_mut().for_each(|x| *x /= norm);
+    row.iter_mut().for_each(|(_, x)| *x /= norm);
     norm
 }
 
@@ -104,27 +110,37 @@ fn bodies_of(world: &World, joint: usize) -> Vec<usize> {
 
 /// Movable bodies and joints that hang together, each ascending.
 pub(super) fn connected(world: &World) -> Vec<(Vec<u32>, Vec<usize>)> {
-    let mut found: Vec<(Vec<u32>, Vec<usize>)> = Vec::new();
-    for joint in 0..world.joints.len() {
-        let movable = bodies_of(world, joint).into_iter().filter(|&body| !world.is_prescribed(body));
-        let mut own: (Vec<u32>, Vec<usize>) = (movable.map(|body| body as u32).collect(), vec![joint]);
-        if own.0.is_empty() {
-            continue;
+    let movable = |joint: usize| -> Vec<u32> {
+        let bodies = bodies_of(world, joint).into_iter().filter(|&body| !world.is_prescribed(body));
+        bodies.map(|body| body as u32).collect()
+    };
+    let held: Vec<Vec<u32>> = (0..world.joints.len()).map(movable).collect();
+    let mut bodies: Vec<u32> = held.iter().flatten().copied().collect();
+    bodies.sort_unstable();
+    bodies.dedup();
+    // The first body with which one hangs together, as far as is known.
+    let mut leaders: Vec<usize> = (0..bodies.len()).collect();
+    let lead = |leaders: &[usize], mut place: usize| {
+        while leaders[place] != place {
+            place = leaders[place];
         }
-        let touches = |other: &(Vec<u32>, Vec<usize>)| other.0.iter().any(|body| own.0.contains(body));
-        let (joined, apart): (Vec<_>, Vec<_>) = found.into_iter().partition(touches);
-        for (bodies, joints) in joined {
-            own.0.extend(bodies);
-            own.1.extend(joints);
-        }
-        own.0.sort_unstable();
-        own.0.dedup();
-        own.1.sort_unstable();
-        found = apart;
-        found.push(own);
+        place
+    };
+    let place = |body: u32| bodies.partition_point(|&other| other < body);
+    for pair in held.iter().flat_map(|held| held.windows(2)) {
+        let [first, second] = [pair[0], pair[1]].map(|body| lead(&leaders, place(body)));
+        leaders[first.max(second)] = first.min(second);
     }
-    found.sort_unstable_by_key(|(bodies, _)| bodies[0]);
-    found
+    let mut found: BTreeMap<usize, (Vec<u32>, Vec<usize>)> = BTreeMap::new();
+    for (k, &body) in bodies.iter().enumerate() {
+        found.entry(lead(&leaders, k)).or_default().0.push(body);
+    }
+    for (joint, held) in held.iter().enumerate() {
+        if let Some(&body) = held.first() {
+            found.entry(lead(&leaders, place(body))).or_default().1.push(joint);
+        }
+    }
+    found.into_values().collect()
 }
 
 /// The longer of a joint's arms and its bodies' radii of gyration, m.

@@ -83,8 +83,8 @@ pub(super) fn stiffness(
             if kappa > 0.0 && kappa.is_finite() {
                 taut.push((joint, kappa));
                 let mobility = |row: &Row| {
-                    let row = row_over(row, bodies, roots, 6 * bodies.len());
-                    row.iter().map(|x| x * x).sum::<f64>()
+                    let row = row_over(row, bodies, roots);
+                    row.iter().map(|(_, x)| x * x).sum::<f64>()
                 };
                 fastest += kappa * rows.iter().map(mobility).sum::<f64>();
             }
@@ -142,7 +142,7 @@ impl Lower {
     /// x <- L^-1 x.
     fn forward(&self, x: &mut [f64]) {
         for (i, row) in self.entries.chunks_exact(self.degrees.max(1)).enumerate() {
-            let before: f64 = row[..i].iter().zip(&*x).map(|(l, x)| l * x).sum();
+            let before = dot(&row[..i], &x[..i]);
             x[i] = (x[i] - before) / row[i];
         }
     }
@@ -157,13 +157,21 @@ impl Lower {
     }
 }
 
+/// The symmetric matrix with these entries at and below the diagonal.
+fn symmetric(degrees: usize, entry: impl Fn(usize, usize) -> f64) -> Vec<f64> {
+    let mut matrix = vec![0.0; degrees * degrees];
+    for i in 0..degrees {
+        for j in 0..=i {
+            let entry = entry(i, j);
+            (matrix[i * degrees + j], matrix[j * degrees + i]) = (entry, entry);
+        }
+    }
+    matrix
+}
+
 /// Of symmetric matrices that commute.
 fn product(a: &[f64], b: &[f64], degrees: usize) -> Vec<f64> {
-    let entry = |at: usize| {
-        let [i, j] = [at / degrees, at % degrees].map(|k| k * degrees..(k + 1) * degrees);
-        dot(&a[i], &b[j])
-    };
-    (0..a.len()).map(entry).collect()
+    symmetric(degrees, |i, j| dot(&a[i * degrees..(i + 1) * degrees], &b[j * degrees..(j + 1) * degrees]))
 }
 
 impl Stiffening {
@@ -177,15 +185,16 @@ impl Stiffening {
         rods: &[usize],
     ) -> Option<Self> {
         let degrees = motions.len();
-        let mut share = vec![0.0; degrees * degrees];
-        for i in 0..degrees {
-            for j in 0..=i {
-                let bodies = swings.iter().zip(turns[i].iter().zip(&turns[j]));
-                let of_rods: f64 = rods.iter().map(|&place| motions[i][place] * motions[j][place]).sum();
-                let entry = bodies.map(|(k, (a, b))| a.dot(*k * *b)).sum::<f64>() + of_rods;
-                (share[i * degrees + j], share[j * degrees + i]) = (entry, entry);
-            }
-        }
+        // Turns as these matrices make them, and what rods are stretched by.
+        let over = |matrices: &dyn Fn(usize) -> Mat3| -> Vec<Vec<f64>> {
+            let of = |(turns, motion): (&Vec<Vec3>, &Vec<f64>)| {
+                let turns = turns.iter().enumerate().flat_map(|(k, &turn)| (matrices(k) * turn).to_array());
+                turns.chain(rods.iter().map(|&place| motion[place])).collect()
+            };
+            turns.iter().zip(&motions).map(of).collect()
+        };
+        let (own, held) = (over(&|_| Mat3::IDENTITY), over(&|k| swings[k]));
+        let share = symmetric(degrees, |i, j| dot(&own[i], &held[j]));
         let size = share.iter().map(|x| x * x).sum::<f64>().sqrt();
         if 4.0 * size <= RESOLVED {
             return None;

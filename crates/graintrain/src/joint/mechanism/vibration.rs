@@ -1,7 +1,7 @@
 //! How fast springs let the bodies of a mechanism vibrate, and which lengths their forces are of.
 
 use super::{Mechanism, Mechanisms};
-use crate::joint::elimination::{Elimination, dot};
+use crate::joint::elimination::{Elimination, SparseRow, dot};
 use crate::joint::kinematics::{Row, coordinate, held, last};
 use crate::joint::rows::{made_unit, row_over};
 
@@ -22,14 +22,16 @@ impl Mechanisms<'_> {
         let joints = &self.world.joints;
         let poses = |body: usize| self.world.pose(body);
         let length = 6 * mechanism.bodies.len();
-        let over = |row: &Row| row_over(row, &mechanism.bodies, &mechanism.roots, length);
+        let over = |row: &Row| row_over(row, &mechanism.bodies, &mechanism.roots);
         let mut springs: Vec<(usize, Vec<f64>)> = Vec::new();
         for &joint in &mechanism.joints {
             if let Some(spring) = &joints[joint].joint.spring
                 && let Some(along) = coordinate(joints, joint, &poses, &last(joints))
             {
                 let root = self.step * spring.stiffness.sqrt();
-                springs.push((joint, over(&along).into_iter().map(|x| root * x).collect()));
+                let mut own = vec![0.0; length];
+                over(&along).into_iter().for_each(|(place, x)| own[place] = root * x);
+                springs.push((joint, own));
             }
         }
         let bounds = |springs: &[(usize, Vec<f64>)]| -> Vec<(usize, f64)> {
@@ -41,10 +43,10 @@ impl Mechanisms<'_> {
             return alone;
         }
         let rows = mechanism.joints.iter().flat_map(|&joint| held(joints, joint, &poses, &last(joints)));
-        let mut rows: Vec<Vec<f64>> = rows.map(|row| over(&row)).collect();
+        let mut rows: Vec<SparseRow> = rows.map(|row| over(&row)).collect();
         rows.iter_mut().for_each(|row| _ = made_unit(row));
         let none = vec![0.0; rows.len()];
-        let elimination = Elimination::new(length, rows);
+        let elimination = Elimination::new(mechanism.bodies.len(), length, &rows);
         springs.iter_mut().for_each(|(_, own)| elimination.project(own, &none));
         bounds(&springs)
     }
