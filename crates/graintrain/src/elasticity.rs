@@ -36,6 +36,12 @@ fn compliance(law: Elasticity, step: f64) -> f64 {
     if law.is_rigid() { 0.0 } else { (1.0 / (step * (law.stiffness * step + law.damping))).min(SOFTEST) }
 }
 
+/// Whether a contact is elastic: what it overlaps is its own affair.
+pub(crate) fn gives(world: &World, contact: &Contact) -> bool {
+    let [a, b] = world.materials_of(contact);
+    !world.materials.pair_elasticity(a, b).is_rigid()
+}
+
 /// Compliance of every contact, 1/kg; empty where all are rigid.
 pub(crate) fn compliances(world: &World, contacts: &[Contact], step: f64) -> Vec<f64> {
     if !world.materials.has_elastic_pairs() {

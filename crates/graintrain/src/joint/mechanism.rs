@@ -435,26 +435,25 @@ impl<'a> Mechanisms<'a> {
 
     /// Y^T kappa (3 v + v-), v the velocities that z makes of v*.
     fn spins(&self, mechanism: &Mechanism, stiffening: &Stiffening, z: &[f64]) -> Vec<f64> {
-        let mut velocity: Vec<f64> =
-            self.before.iter().zip(&self.free).map(|(v, free)| v + 3.0 * free).collect();
-        for (k, &body) in mechanism.bodies.iter().enumerate() {
-            let changes = mechanism.roots[k].times(&z[6 * k..]).map(|part| part.to_array());
-            for (axis, change) in changes.into_iter().flatten().enumerate() {
-                velocity[6 * body as usize + axis] += 3.0 * change;
-            }
-        }
-        let turn = |body: u32| Vec3::from_slice(&velocity[6 * body as usize + 3..6 * body as usize + 6]);
-        let moments: Vec<Vec3> = mechanism
-            .bodies
-            .iter()
-            .zip(&mechanism.swings)
-            .map(|(&body, swing)| *swing * turn(body))
-            .collect();
-        let rods: Vec<(usize, f64)> = mechanism
-            .springs()
-            .filter(|(_, row)| matches!(row.role, Role::Taut(_)))
-            .map(|(place, row)| (place, -row.row.rate(&velocity) / row.compliance.sqrt()))
-            .collect();
+        let after = |k: usize| {
+            let [u, w] = mechanism.roots[k].times(&z[6 * k..]).map(|part| part.to_array());
+            let first = 6 * mechanism.bodies[k] as usize;
+            let change = [u[0], u[1], u[2], w[0], w[1], w[2]];
+            std::array::from_fn::<f64, 6, _>(|axis| self.free[first + axis] + change[axis])
+        };
+        let velocity: Vec<f64> = (0..mechanism.bodies.len()).flat_map(after).collect();
+        let moment = |(k, swing): (usize, &Mat3)| {
+            let turn = Vec3::from_slice(&velocity[6 * k + 3..6 * k + 6]);
+            let before = Vec3::from_slice(&self.before[6 * mechanism.bodies[k] as usize + 3..]);
+            *swing * (3.0 * turn + before)
+        };
+        let moments: Vec<Vec3> = mechanism.swings.iter().enumerate().map(moment).collect();
+        let rod = |(place, row): (usize, &ActiveRow)| {
+            let rate = row.row.rate_of(|body| self.velocity_of(mechanism, &velocity, body));
+            (place, -(3.0 * rate + row.wanted) / row.compliance.sqrt())
+        };
+        let rods = mechanism.springs().filter(|(_, row)| matches!(row.role, Role::Taut(_)));
+        let rods: Vec<(usize, f64)> = rods.map(rod).collect();
         let along = |(turns, motion): (&Vec<Vec3>, &Vec<f64>)| {
             let spins: f64 = turns.iter().zip(&moments).map(|(turn, m)| turn.dot(*m)).sum();
             spins + rods.iter().map(|(place, rate)| motion[*place] * rate).sum::<f64>()

@@ -50,6 +50,9 @@ fn finite(correction: Correction) -> Correction {
     if finite { correction } else { Correction { displacement: None, ..correction } }
 }
 
+/// Overlap over the size of the smaller body that a step must not go beyond.
+const OVERLAP: f64 = 0.01;
+
 impl Stepper {
     /// Displacements that remove overlap at the end of the step.
     pub(super) fn correct(
@@ -151,8 +154,6 @@ impl Stepper {
         correction: &Correction,
     ) -> HashMap<u64, f64> {
         let (collider, kept) = (&self.collider, self.parameters.overlap.kept);
-        // What an elastic contact overlaps is its own affair.
-        let compliance = elasticity::compliances(world, deep, self.settings.step);
         let moved = match &correction.displacement {
             Some(displacement) => relative_velocities(None, deep, &contact_rows(world, deep), displacement),
             None => Vec::new(),
@@ -163,8 +164,7 @@ impl Stepper {
             let after = |gap: f64| (gap + moved.get(3 * i).unwrap_or(&0.0)).max(gap.min(0.0));
             let end = known.map_or(0.0, |&(gap, _)| after(gap));
             let error = end - contact.gap;
-            let is_rigid = compliance.get(i).is_none_or(|&c| c == 0.0);
-            (is_rigid && error > kept * collider.contact_size(world, contact))
+            (!elasticity::gives(world, contact) && error > kept * collider.contact_size(world, contact))
                 .then_some((contact.identity, error))
         };
         deep.iter().enumerate().filter_map(error).collect()
@@ -216,12 +216,13 @@ impl Stepper {
     ) -> StepReport {
         let begin = Clock::now();
         let Made { mut attempt, kicked, lost, size, correction, ahead } = made;
-        let Rounds { contacts, added, undetected, iterations, mut laps, .. } = rounds;
+        let Rounds { contacts, overlaps, added, undetected, iterations, mut laps, .. } = rounds;
         let step = self.settings.step;
         let apart = self.apart(world, start, &contacts, &attempt, &ahead);
         laps.add(|phases| &mut phases.collide, begin.lap());
         let begin = Clock::now();
         let errors = self.left_over(&contacts, &attempt, &size);
+        let deepened = self.deepened(world, &overlaps, &ahead);
         let contacts = attempt.moved.take().unwrap_or(contacts);
         let (mut set, with_force) = exerted(world, contacts, &attempt);
         let Attempt { problem, posed, cell, impulse, joints, impacts, velocity, mut solve, parts, .. } =
@@ -236,7 +237,7 @@ impl Stepper {
         let [penetration_max, penetration_max_over_size] = self.deepest(world, &ahead);
         let correction_energy = correction.work(&world.bodies.mass, world.gravity);
         world.record_joints(&joints.states, step);
-        let joint_opening_max = self.check(world, &impacts, &mut solve);
+        let joint_opening_max = self.check(world, &impacts, deepened, &mut solve);
         solve.iterations = iterations;
         impacts.carry(&mut set.contacts);
         world.contacts = set;
@@ -296,19 +297,56 @@ impl Stepper {
         contacts.par_iter().map(overlap).reduce(|| [0.0; 2], deeper)
     }
 
-    /// A step whose impacts were not solved or whose joints are open has not converged. Returned is the
-    /// largest opening of a joint, m.
-    fn check(&self, world: &World, impacts: &Impacts, solve: &mut SolveReport) -> f64 {
+    /// The deepest overlap over the size of the smaller body that the step made deeper than its tolerance
+    /// allows, and its contact, of those `ahead`; pairs overlapped by so much at the start. Joints that can
+    /// only be closed into what they were to carry end so.
+    fn deepened<'c>(
+        &self,
+        world: &World,
+        start: &[([u32; 2], f64)],
+        ahead: &'c [Contact],
+    ) -> Option<(f64, &'c Contact)> {
+        let (collider, tolerance) = (&self.collider, self.settings.solver.tolerance);
+        let share = |contact: &Contact| -contact.gap / collider.contact_size(world, contact);
+        let is_deep = |contact: &&Contact| share(contact) > OVERLAP.max(tolerance);
+        let deep: Vec<&Contact> = ahead.par_iter().filter(is_deep).collect();
+        let deepens = |contact: &&Contact| {
+            let of_pair = start.iter().filter(|(pair, _)| *pair == contact.unordered());
+            let before = of_pair.map(|(_, overlap)| *overlap).fold(0.0, f64::max);
+            let allowed = tolerance * collider.contact_size(world, contact);
+            -contact.gap > before + allowed && !elasticity::gives(world, contact)
+        };
+        let deepest = deep.into_iter().filter(deepens).max_by(|a, b| share(a).total_cmp(&share(b)))?;
+        Some((share(deepest), deepest))
+    }
+
+    /// A step whose impacts were not solved, whose joints are open or that made bodies overlap has not
+    /// converged. Returned is the largest opening of a joint, m.
+    fn check(
+        &self,
+        world: &World,
+        impacts: &Impacts,
+        deepened: Option<(f64, &Contact)>,
+        solve: &mut SolveReport,
+    ) -> f64 {
         let (opening_max, open) = drift::openings(world);
         let left = impacts.residual.measured(self.settings.solver.criterion);
+        let of_joint = |joint: usize| {
+            let PlacedJoint { joint: own, state, .. } = &world.joints()[joint];
+            let held_up = if own.is_driven() { ", or its motor held up," } else { "" };
+            format!("{} is open{held_up} by {:.1e} m", world.joint_label(joint), state.opening)
+        };
+        let of_overlap = |(share, contact): (f64, &Contact)| {
+            let [a, b] = [contact.body_a, contact.body_b].map(|body| world.bodies.label(body as usize));
+            format!(
+                "{a} and {b} overlap by {:.1} % of the smaller one's size, more than before",
+                100.0 * share
+            )
+        };
         let remark = if left > self.settings.solver.tolerance.max(self.parameters.impacts.tolerance) {
             Some(format!("impacts were left at residual {left:.1e}"))
         } else {
-            open.map(|joint| {
-                let PlacedJoint { joint: own, state, .. } = &world.joints()[joint];
-                let held_up = if own.is_driven() { ", or its motor held up," } else { "" };
-                format!("{} is open{held_up} by {:.1e} m", world.joint_label(joint), state.opening)
-            })
+            open.map(of_joint).or(deepened.map(of_overlap))
         };
         if remark.is_some() && solve.status == Status::Converged {
             (solve.status, solve.remark) = (Status::IterationLimit, remark);

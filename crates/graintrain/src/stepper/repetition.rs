@@ -127,6 +127,8 @@ impl Planes {
 #[derive(Default)]
 pub(super) struct Rounds {
     pub(super) contacts: Vec<Contact>,
+    /// By how much pairs overlapped at the start, m.
+    pub(super) overlaps: Vec<([u32; 2], f64)>,
     /// Those that were linearised anew.
     pub(super) planes: Planes,
     /// Contacts under way that bodies are driven into all the same, by identity.
@@ -155,7 +157,9 @@ pub(super) struct Rounds {
 
 impl Rounds {
     pub(super) fn of(contacts: Vec<Contact>) -> Self {
-        Self { contacts, ..Self::default() }
+        let overlapping = contacts.iter().filter(|c| c.gap < 0.0);
+        let overlaps = overlapping.map(|c| (c.unordered(), -c.gap)).collect();
+        Self { contacts, overlaps, ..Self::default() }
     }
 
     /// Notes that bodies meet at these contacts, found in one round.

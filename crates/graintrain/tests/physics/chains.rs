@@ -310,3 +310,44 @@ fn light_links_with_stops_hold_a_heavy_weight() {
         }
     }
 }
+
+/// A straight chain between two fixed points has no path at all, and stacks with heavy balls on top of light
+/// ones press on it: where its joints can only be closed into what it carries, no step that makes bodies
+/// overlap says that it has converged.
+#[test]
+fn a_step_that_makes_bodies_overlap_has_not_converged() {
+    let mut world = earth();
+    let [link, ball] =
+        [Geometry::capsule(0.013, 0.012), Geometry::sphere(0.05)].map(|g| world.add_geometry(g.unwrap()));
+    let place = |k: i32, y: f64| Vec3::new(0.05 * f64::from(k), y, 1.0);
+    for y in [0.0, 0.06] {
+        let mut last = None;
+        for k in 0..16 {
+            let body = Body::new(link, MaterialId::default(), place(k, y));
+            let own =
+                world.add_body(Body { orientation: Quat::from_rotation_y(0.25 * TAU), ..body }).unwrap();
+            world.add_joint(Joint::spherical(last, own, place(k, y) - Vec3::new(0.025, 0.0, 0.0))).unwrap();
+            last = Some(own);
+        }
+        let end = place(15, y) + Vec3::new(0.025, 0.0, 0.0);
+        world.add_joint(Joint::spherical(None, last.unwrap(), end)).unwrap();
+    }
+    for x in [0.25, 0.351, 0.452] {
+        for (height, mass) in [(1.055, 0.001), (1.156, 10.0), (1.257, 1.0)] {
+            let body = Body::new(ball, MaterialId::default(), Vec3::new(x, 0.03, height));
+            let mass = Some(MassProperties { mass, inertia: Mat3::from_diagonal(Vec3::splat(1e-3 * mass)) });
+            world.add_body(Body { mass, ..body }).unwrap();
+        }
+    }
+    let mut stepper = stepper(4e-3, FrictionModel::Coulomb);
+    let (mut before, mut told) = (0.0, 0);
+    for _ in 0..40 {
+        let report = stepper.step(&mut world).unwrap();
+        let overlap = report.penetration_max_over_size;
+        let deepens = overlap > 0.01 && overlap > before + 1e-3;
+        assert!(!(deepens && report.solve.status == Status::Converged), "{before} {overlap}");
+        told += u32::from(deepens);
+        before = overlap;
+    }
+    assert!(told > 0);
+}
