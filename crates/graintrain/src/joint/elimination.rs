@@ -12,11 +12,15 @@
 //! light and heavy bodies in one chain keep their digits. Rows that repeat others (a plane linkage of hinges
 //! has three of them in every loop) are found by the rank, and multipliers are the shortest ones.
 //!
-//! A row touches a body or two, so Q is made of small factors (multifrontal): rows over the same bodies are
+//! A row touches few bodies, so Q is made of small factors (multifrontal): rows over the same bodies are
 //! eliminated together, those first that join the least, in a [`Front`] of the coordinates of these bodies;
-//! what they leave, as many coordinates as later rows can see of them, is one body more for those.
+//! what they leave, as many coordinates as later rows can see of them, is one body more for those. Pivots are
+//! chosen within a front. A row whose part beyond those before it is short, but not so short that it repeats
+//! them, waits for later fronts: misaligned by roundings, rows that repeat others must not go before those
+//! that do not.
 //!
-//! Cost: of a tree of joints proportional to their number; of loops what their least dense order fills.
+//! Cost: of a tree proportional to its joints, where bodies hold few joints each; quadratic in the joints of
+//! one body; of loops what their least dense order fills.
 //!
 //! Source: T. A. Davis, "Algorithm 915, SuiteSparseQR: multifrontal multithreaded rank-revealing sparse QR
 //! factorization", ACM Transactions on Mathematical Software 38(1):8, 2011; G. H. Golub, C. F. Van Loan,
@@ -26,12 +30,20 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Rows whose part beyond those before them is shorter than this, over the longest row, repeat them.
-const DEPENDENT: f64 = 1e-11;
+const DEPENDENT: f64 = 1e-9;
 
-/// Residual of the changes of right-hand sides over what is wanted: Newton's method makes up for it.
-const SETTLED: f64 = 1e-8;
+/// A row whose part beyond those before it is shorter than this waits.
+const WAITS: f64 = 1e-5;
 
-/// Iterations for them: they are few where the other rows are near those that are eliminated.
+/// What is shorter than this is rounding.
+const NOISE: f64 = 1e-14;
+
+/// Slope of the residual of changes of right-hand sides over that at their start: Newton's method makes up
+/// for it.
+const SETTLED: f64 = 1e-5;
+
+/// Iterations for them: they are few where the other rows are near those that are eliminated. Where bodies
+/// turn so far that these do not do, the correction of the path is one among several.
 const ITERATIONS: usize = 60;
 
 /// Entries of a row, by coordinate, ascending.
@@ -40,8 +52,6 @@ pub(super) type SparseRow = Vec<(usize, f64)>;
 /// The factorisation.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Elimination {
-    /// How many blocks of six coordinates are bodies.
-    bodies: usize,
     /// n.
     length: usize,
     /// m.
@@ -57,8 +67,8 @@ pub(crate) struct Elimination {
 struct Front {
     /// Coordinates.
     slots: Vec<usize>,
-    /// Which row of B a column is: first those that are eliminated here, then those of which coordinates stay
-    /// for later fronts, then what else has a part in it; last those that repeat others.
+    /// Which row of B a column is: first the pivots of R11, then those of the coordinates that stay for later
+    /// fronts, then other later rows; last those that repeat others.
     names: Vec<usize>,
     /// By columns: above the diagonal R, from it on the reflector.
     entries: Vec<f64>,
@@ -76,6 +86,8 @@ struct Cluster {
     slots: Vec<usize>,
     /// Numbers of groups of rows, ascending.
     groups: Vec<usize>,
+    /// Rows of B that wait.
+    waiting: Vec<usize>,
     /// Rows of B.
     names: Vec<usize>,
     /// Their entries at the slots, by rows of B.
@@ -107,10 +119,18 @@ fn reflected(v: &[f64], x: &mut [f64]) {
 }
 
 impl Front {
-    /// Of rows `own` and what later rows have at the same coordinates, with what those have after it.
-    /// `place` has a number per row of B that means nothing.
-    fn new(own: Vec<usize>, merged: &[Cluster], longest: f64, place: &mut [usize]) -> (Self, Cluster) {
-        let (slots, mut names) = (merged.iter().flat_map(|cluster| cluster.slots.clone()).collect(), own);
+    /// Of rows `own` and what later rows have at the same coordinates, with what those have after it; rows
+    /// may wait unless it is the `last` one of what hangs together. `place` has a number per row of B that
+    /// means nothing.
+    fn new(
+        own: Vec<usize>,
+        merged: &[Cluster],
+        (longest, last): (f64, bool),
+        place: &mut [usize],
+    ) -> (Self, Cluster) {
+        let slots = merged.iter().flat_map(|cluster| cluster.slots.clone()).collect();
+        let waiting = merged.iter().flat_map(|cluster| cluster.waiting.clone());
+        let mut names: Vec<usize> = own.into_iter().chain(waiting).collect();
         let eliminated = names.len();
         let all = || merged.iter().flat_map(|cluster| &cluster.names);
         all().for_each(|&row| place[row] = usize::MAX);
@@ -133,18 +153,38 @@ impl Front {
             }
             first += own;
         }
-        front.triangularise(eliminated, DEPENDENT * longest);
+        front.triangularise(eliminated, longest * if last { DEPENDENT } else { WAITS });
         front.rank = front.diagonal.len();
-        front.repeated = eliminated - front.rank;
-        front.names[front.rank..].rotate_left(front.repeated);
-        front.entries[front.rank * size..].rotate_left(front.repeated * size);
+        // Those that wait come before those that repeat others.
+        let mut waiting = front.rank;
+        for j in front.rank..eliminated {
+            let rest = &front.column(j)[front.rank..];
+            if !last && dot(rest, rest).sqrt() > DEPENDENT * longest {
+                front.exchange(j, waiting);
+                waiting += 1;
+            }
+        }
+        front.repeated = eliminated - waiting;
+        front.names[waiting..].rotate_left(front.repeated);
+        front.entries[waiting * size..].rotate_left(front.repeated * size);
+        let waiting = front.names[front.rank..waiting].to_vec();
         let seen = front.names.len() - front.repeated;
-        front.triangularise(seen, 0.0);
+        front.triangularise(seen, NOISE * longest);
         let (left, kept) = (front.rank..seen, front.rank..front.diagonal.len());
         let entry = |i: usize, j: usize| if i > j { 0.0 } else { front.entry(i, j) };
         let entries = left.clone().flat_map(|j| kept.clone().map(move |i| entry(i, j))).collect();
         let (slots, names) = (front.slots[kept.clone()].to_vec(), front.names[left.clone()].to_vec());
-        (front, Cluster { slots, groups: Vec::new(), names, entries })
+        (front, Cluster { slots, groups: Vec::new(), waiting, names, entries })
+    }
+
+    /// Exchanges two columns.
+    fn exchange(&mut self, i: usize, j: usize) {
+        let size = self.slots.len();
+        self.names.swap(i, j);
+        if i != j {
+            let (head, tail) = self.entries.split_at_mut(i.max(j) * size);
+            head[i.min(j) * size..][..size].swap_with_slice(&mut tail[..size]);
+        }
     }
 
     /// Reflectors for columns below `until`, the longest first, as long as they are longer than this.
@@ -164,11 +204,8 @@ impl Front {
             if norm.is_nan() || norm <= shortest {
                 break;
             }
-            self.names.swap(k, pivot);
+            self.exchange(k, pivot);
             let (head, tail) = self.entries.split_at_mut((k + 1) * size);
-            if pivot > k {
-                head[k * size..].swap_with_slice(&mut tail[(pivot - k - 1) * size..(pivot - k) * size]);
-            }
             // H = 1 - v v^T with |v|^2 = 2 sends the column to -sign norm e_k.
             let reflector = &mut head[k * size + k..];
             let sign = 1.0_f64.copysign(reflector[0]);
@@ -207,10 +244,10 @@ impl Front {
     }
 }
 
-/// Rows over the same blocks of coordinates.
+/// Rows over the same blocks of coordinates; rows of zeros are in none.
 fn groups(rows: &[SparseRow], block: impl Fn(usize) -> usize) -> Vec<(Vec<usize>, Vec<usize>)> {
     let mut groups: BTreeMap<Vec<usize>, Vec<usize>> = BTreeMap::new();
-    for (row, entries) in rows.iter().enumerate() {
+    for (row, entries) in rows.iter().enumerate().filter(|(_, row)| row.iter().any(|(_, x)| *x != 0.0)) {
         let mut blocks: Vec<usize> = entries.iter().map(|(place, _)| block(*place)).collect();
         blocks.dedup();
         groups.entry(blocks).or_default().push(row);
@@ -246,7 +283,7 @@ impl Elimination {
                 }
             }
         }
-        let mut own = Self { bodies, length, count: rows.len(), ..Self::default() };
+        let mut own = Self { length, count: rows.len(), ..Self::default() };
         own.eliminate(groups.into_iter().unzip(), clusters, f64::sqrt(longest));
         own.relate();
         own
@@ -269,12 +306,14 @@ impl Elimination {
             let joined = std::mem::take(&mut touched[group]);
             let merged: Vec<Cluster> = joined.iter().map(|&own| std::mem::take(&mut clusters[own])).collect();
             let own = std::mem::take(&mut members[group]);
-            let (front, mut left) = Front::new(own, &merged, longest, &mut place);
+            let mut groups: Vec<usize> =
+                merged.iter().flat_map(|cluster| cluster.groups.iter().copied()).collect();
+            groups.sort_unstable();
+            groups.dedup();
+            groups.retain(|&other| other != group);
+            let (front, mut left) = Front::new(own, &merged, (longest, groups.is_empty()), &mut place);
             self.fronts.push(front);
-            left.groups = merged.into_iter().flat_map(|cluster| cluster.groups).collect();
-            left.groups.sort_unstable();
-            left.groups.dedup();
-            left.groups.retain(|&other| other != group);
+            left.groups = groups;
             let (next, seen) = (clusters.len(), left.groups.clone());
             clusters.push(left);
             for other in seen {
@@ -303,8 +342,11 @@ impl Elimination {
                     }
                 }
                 let norm = dot(&relation, &relation).sqrt();
-                relation.iter_mut().for_each(|x| *x /= norm);
-                relations.push(relation);
+                // Rows that are no numbers relate to nothing.
+                if norm.is_finite() {
+                    relation.iter_mut().for_each(|x| *x /= norm);
+                    relations.push(relation);
+                }
             }
         }
         self.relations = relations;
@@ -339,55 +381,46 @@ impl Elimination {
         self.reflect_back(z);
     }
 
-    /// z <- its part in the range of B^T.
-    fn along(&self, z: &mut [f64]) {
-        let before = z.to_vec();
-        self.reflect(z);
-        self.pivots().for_each(|(.., slot)| z[slot] = 0.0);
-        self.reflect_back(z);
-        z.iter_mut().zip(before).for_each(|(z, before)| *z = before - *z);
-    }
-
-    /// B z of a z in the range of B^T.
-    fn times(&self, z: &[f64]) -> Vec<f64> {
-        let (mut z, mut product) = (z.to_vec(), vec![0.0; self.count]);
-        self.reflect(&mut z);
-        for (front, k, slot) in self.pivots() {
-            product[front.names[k]] += front.diagonal[k] * z[slot];
-            front.beyond(k).for_each(|(row, entry)| product[row] += entry * z[slot]);
-        }
-        product
-    }
-
-    /// The changes of b by which [`Self::project`] changes C z by `wanted`, for as many other rows C: z in
-    /// the range of B^T whose part in that of C^T is the shortest vector of these C z, by conjugate
-    /// gradients. The squares of the cosines between both ranges are the eigenvalues: all next to 1 where the
-    /// rows are near each other.
+    /// The changes y of b by which [`Self::project`] changes C z by `wanted`, for as many other rows C: least
+    /// squares of C B^+ y - `wanted` by conjugate gradients (CGLS), next to the identity where the rows are
+    /// near each other. Only the rank of B counts: rows that repeat others and move with them do so in C to
+    /// second order alone.
+    ///
+    /// Source: Å. Björck, "Numerical methods for least squares problems", 1996, section 7.4.
     pub(crate) fn changes(&self, others: &[SparseRow], wanted: &[f64]) -> Vec<f64> {
-        let others = Self::new(self.bodies, self.length, others);
-        let mut rest = vec![0.0; self.length];
-        others.project(&mut rest, wanted);
-        self.along(&mut rest);
-        let (mut z, mut way) = (vec![0.0; self.length], rest.clone());
-        let mut square = dot(&rest, &rest);
+        let times = |y: &[f64]| -> Vec<f64> {
+            let mut z = vec![0.0; self.length];
+            self.project(&mut z, y);
+            others.iter().map(|row| row.iter().map(|(place, x)| x * z[*place]).sum()).collect()
+        };
+        let transposed_times = |r: &[f64]| {
+            let mut t = vec![0.0; self.length];
+            for (row, r) in others.iter().zip(r) {
+                row.iter().for_each(|(place, x)| t[*place] += r * x);
+            }
+            self.multipliers(&t)
+        };
+        let (mut y, mut rest) = (vec![0.0; self.count], wanted.to_vec());
+        let mut slope = transposed_times(&rest);
+        let mut way = slope.clone();
+        let mut square = dot(&slope, &slope);
         let small = SETTLED * SETTLED * square;
         for _ in 0..ITERATIONS {
             if square.is_nan() || square <= small {
                 break;
             }
-            let mut image = way.clone();
-            others.along(&mut image);
-            self.along(&mut image);
-            let step = square / dot(&way, &image);
+            let image = times(&way);
+            let step = square / dot(&image, &image);
             if !step.is_finite() {
                 break;
             }
-            add(&mut z, step, &way);
+            add(&mut y, step, &way);
             add(&mut rest, -step, &image);
-            let before = std::mem::replace(&mut square, dot(&rest, &rest));
-            way.iter_mut().zip(&rest).for_each(|(way, rest)| *way = rest + square / before * *way);
+            slope = transposed_times(&rest);
+            let before = std::mem::replace(&mut square, dot(&slope, &slope));
+            way.iter_mut().zip(&slope).for_each(|(way, slope)| *way = slope + square / before * *way);
         }
-        self.times(&z)
+        y
     }
 
     /// Solves R11 x = t - R12 x, where x is given for rows that repeat others; t at the slots of Q^T (empty:
@@ -399,7 +432,7 @@ impl Elimination {
         }
     }
 
-    /// The shortest multipliers with B^T lambda = t, for t in the range of B^T.
+    /// The shortest multipliers for which B^T lambda is nearest to t.
     pub(crate) fn multipliers(&self, t: &[f64]) -> Vec<f64> {
         let (mut t, mut multipliers) = (t.to_vec(), vec![0.0; self.count]);
         self.reflect(&mut t);
@@ -428,6 +461,7 @@ impl Elimination {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::Vec3;
     use rand::{RngExt, SeedableRng};
 
     fn sparse(rows: &[Vec<f64>]) -> Vec<SparseRow> {
@@ -451,7 +485,8 @@ mod tests {
         let b: Vec<f64> = rows.iter().map(|row| dot(row, &z_of_rhs)).collect();
         let start = random_rows(1, length, 6).remove(0);
         let own = Elimination::new(bodies, length, &sparse(&rows));
-        assert_eq!(own.relations.len(), mixing.len());
+        let is_zero = |mix: &&Vec<f64>| mix.iter().all(|m| *m == 0.0);
+        assert_eq!(own.relations.len(), mixing.len() - mixing.iter().filter(is_zero).count());
         let mut z = start.clone();
         own.project(&mut z, &b);
         for (row, b) in rows.iter().zip(&b) {
@@ -539,6 +574,94 @@ mod tests {
                 let mixing: Vec<Vec<f64>> = (0..repeated).map(|k| mix(k).collect()).collect();
                 obeys_its_optimality_conditions(31, &rows, length, &mixing);
             }
+        }
+    }
+
+    /// Twenty copies of one rod leave no rounding to be taken for coordinates: nor do the joints of a hub.
+    #[test]
+    fn what_repeats_and_what_a_hub_holds_leave_no_noise() {
+        let joints: Vec<_> = (1..100).map(|k| (0, Some(k), 3)).collect();
+        let (mut rows, length) = rows_of_joints(&joints, 100);
+        let copies: Vec<_> = (0..20).map(|_| rows[30].clone()).collect();
+        rows.extend(copies);
+        let own = Elimination::new(100, length, &sparse(&rows));
+        assert!(own.fronts.iter().all(|front| front.slots.len() <= 12 + 3));
+        assert_eq!(own.relations.len(), 20);
+        assert!(own.multipliers(&rows[40]).iter().all(|x| x.is_finite()));
+    }
+
+    /// Unit rows of n x n plates that hinges on their edges hold together, and those of the first row to the
+    /// world, with everything displaced by up to this: of every loop rows repeat others but for that.
+    fn rows_of_plates(n: usize, off: f64) -> Vec<Vec<f64>> {
+        let mut random = random_rows(1, 9 * n * n, 8).remove(0).into_iter().cycle();
+        let mut shifted =
+            |v: [f64; 3]| Vec3::from(v) + off * Vec3::from_array([0; 3].map(|_| random.next().unwrap()));
+        let number = |i: usize, j: usize| i * n + j;
+        let places: Vec<Vec3> = (0..n * n).map(|k| shifted([(k / n) as f64, (k % n) as f64, 0.0])).collect();
+        let mut hinges = Vec::new();
+        for (i, j) in (0..n * n).map(|k| (k / n, k % n)) {
+            let [x, y] = [i, j].map(|k| k as f64);
+            let mut hinge = |pair: [Option<usize>; 2], point: [f64; 3], axis: [f64; 3]| {
+                let across = [Vec3::from([axis[1], axis[0], 0.0]), Vec3::Z];
+                let axis = shifted(axis).normalize();
+                hinges.push((pair, Vec3::from(point), across.map(|t| t.reject_from_normalized(axis))));
+            };
+            let own = Some(number(i, j));
+            if i + 1 < n {
+                hinge([own, Some(number(i + 1, j))], [x + 0.5, y, 0.0], [0.0, 1.0, 0.0]);
+            }
+            if j + 1 < n {
+                hinge([own, Some(number(i, j + 1))], [x, y + 0.5, 0.0], [1.0, 0.0, 0.0]);
+            }
+            if j == 0 {
+                hinge([own, None], [x, y - 0.5, 0.0], [1.0, 0.0, 0.0]);
+            }
+        }
+        let mut rows = Vec::new();
+        for (pair, point, across) in hinges {
+            let translations = [Vec3::X, Vec3::Y, Vec3::Z].map(|e| (e, None));
+            let turns = across.map(|t| (Vec3::ZERO, Some(t)));
+            for (linear, angular) in translations.into_iter().chain(turns) {
+                let mut row = vec![0.0; 6 * n * n];
+                for (body, sign) in pair.into_iter().zip([1.0, -1.0]) {
+                    let Some(body) = body else { continue };
+                    let angular = angular.unwrap_or_else(|| (point - places[body]).cross(linear));
+                    let parts = [linear, 2.0 * angular].map(|part| (sign * part).to_array());
+                    row[6 * body..6 * body + 6].copy_from_slice(parts.as_flattened());
+                }
+                let norm = dot(&row, &row).sqrt();
+                rows.push(row.into_iter().map(|x| x / norm).collect());
+            }
+        }
+        rows
+    }
+
+    /// What is asked for and possible is reached, whether rows that repeat others are misaligned at the
+    /// start, at the end, or not at all.
+    #[test]
+    fn misaligned_rows_that_repeat_others_do_no_harm() {
+        for (n, off) in
+            [2, 3, 4].into_iter().flat_map(|n| [0.0, 1e-13, 1e-10, 1e-8, 1e-6].map(|off| (n, off)))
+        {
+            let length = 6 * n * n;
+            let [plain, others] = [0.0, off].map(|off| rows_of_plates(n, off));
+            let way: Vec<f64> = random_rows(1, length, 99).remove(0);
+            let seen =
+                |rows: &[Vec<f64>], z: &[f64]| -> Vec<f64> { rows.iter().map(|row| dot(row, z)).collect() };
+            let missed =
+                |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            let own = Elimination::new(n * n, length, &sparse(&plain));
+            let wanted = seen(&plain, &way);
+            let mut z = vec![0.0; length];
+            own.project(&mut z, &own.changes(&sparse(&others), &wanted));
+            let left = missed(&seen(&others, &z), &wanted);
+            assert!(left < 1e-6 + 1e2 * off, "{n} {off}: {left}");
+            let other = Elimination::new(n * n, length, &sparse(&others));
+            let wanted = seen(&others, &way);
+            let mut z = vec![0.0; length];
+            other.project(&mut z, &wanted);
+            let left = missed(&seen(&others, &z), &wanted);
+            assert!(left < 1e-7, "{n} {off}: {left}");
         }
     }
 

@@ -276,7 +276,6 @@ impl<'a> Mechanisms<'a> {
     /// that comes and goes with the forces makes energy.
     fn arrange(&mut self, mechanism: &mut Mechanism) {
         self.make_rows(mechanism);
-        mechanism.stiffening = None;
         if mechanism.is_stiff() {
             let rows = mechanism.rows.clone();
             mechanism.factorise(|row| match row.role {
@@ -285,14 +284,15 @@ impl<'a> Mechanisms<'a> {
                 Role::Held(_) | Role::Spring | Role::Taut(_) => true,
             });
             mechanism.stiffening = mechanism.stiffening();
-            if mechanism.stiffening.is_none() {
+            let is_resolved = mechanism.stiffening.is_none();
+            if !is_resolved && mechanism.rows.len() == rows.len() {
+                return;
+            }
+            mechanism.rows = rows;
+            if is_resolved {
                 let none = vec![Mat3::ZERO; mechanism.bodies.len()];
                 self.stiffen_by(mechanism, none, Vec::new());
                 self.make_rows(mechanism);
-            } else if mechanism.rows.len() == rows.len() {
-                return;
-            } else {
-                mechanism.rows = rows;
             }
         }
         mechanism.factorise(|_| true);
@@ -305,7 +305,8 @@ impl<'a> Mechanisms<'a> {
         let poses = |body: usize| world.pose(body);
         let known = std::mem::take(&mut mechanism.rows);
         let bent = |joint: usize, role: Role| {
-            let same = known.iter().find(|row| row.joint == joint && row.role == role);
+            let own = &known[known.partition_point(|row| row.joint < joint)..];
+            let same = own.iter().take_while(|row| row.joint == joint).find(|row| row.role == role);
             same.map_or(0.0, |row| row.target - row.wanted)
         };
         (mechanism.pushed, mechanism.corrected) = (Vec::new(), None);
@@ -433,15 +434,19 @@ impl<'a> Mechanisms<'a> {
         [mass * v[0], inertia * v[1] + self.step * drag.angular * v[1]]
     }
 
+    /// The velocities that z makes of v*, six per body.
+    fn velocities_of(&self, mechanism: &Mechanism, z: &[f64]) -> Vec<f64> {
+        let of = |(k, &body): (usize, &u32)| {
+            let [u, w] = mechanism.roots[k].times(&z[6 * k..]);
+            let change = [u.x, u.y, u.z, w.x, w.y, w.z];
+            std::array::from_fn::<f64, 6, _>(|axis| self.free[6 * body as usize + axis] + change[axis])
+        };
+        mechanism.bodies.iter().enumerate().flat_map(of).collect()
+    }
+
     /// Y^T kappa (3 v + v-), v the velocities that z makes of v*.
     fn spins(&self, mechanism: &Mechanism, stiffening: &Stiffening, z: &[f64]) -> Vec<f64> {
-        let after = |k: usize| {
-            let [u, w] = mechanism.roots[k].times(&z[6 * k..]).map(|part| part.to_array());
-            let first = 6 * mechanism.bodies[k] as usize;
-            let change = [u[0], u[1], u[2], w[0], w[1], w[2]];
-            std::array::from_fn::<f64, 6, _>(|axis| self.free[first + axis] + change[axis])
-        };
-        let velocity: Vec<f64> = (0..mechanism.bodies.len()).flat_map(after).collect();
+        let velocity = self.velocities_of(mechanism, z);
         let moment = |(k, swing): (usize, &Mat3)| {
             let turn = Vec3::from_slice(&velocity[6 * k + 3..6 * k + 6]);
             let before = Vec3::from_slice(&self.before[6 * mechanism.bodies[k] as usize + 3..]);
@@ -493,16 +498,7 @@ impl<'a> Mechanisms<'a> {
         let way: Vec<f64> = z.iter().zip(&start).map(|(z, start)| z - start).collect();
         let mut impulses = mechanism.elimination.multipliers(&way);
         impulses.iter_mut().zip(&mechanism.rows).for_each(|(impulse, row)| *impulse /= row.norm);
-        let velocity = mechanism
-            .bodies
-            .iter()
-            .enumerate()
-            .flat_map(|(k, &body)| {
-                let [u, w] = mechanism.roots[k].times(&z[6 * k..]);
-                let change = [u.x, u.y, u.z, w.x, w.y, w.z];
-                std::array::from_fn::<f64, 6, _>(|axis| self.free[6 * body as usize + axis] + change[axis])
-            })
-            .collect();
+        let velocity = self.velocities_of(mechanism, &z);
         Solution { velocity, impulse: impulses, held }
     }
 

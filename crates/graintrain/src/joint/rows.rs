@@ -131,6 +131,10 @@ pub(super) fn connected(world: &World) -> Vec<(Vec<u32>, Vec<usize>)> {
         let [first, second] = [pair[0], pair[1]].map(|body| lead(&leaders, place(body)));
         leaders[first.max(second)] = first.min(second);
     }
+    // None leads by way of another.
+    for k in 0..leaders.len() {
+        leaders[k] = leaders[leaders[k]];
+    }
     let mut found: BTreeMap<usize, (Vec<u32>, Vec<usize>)> = BTreeMap::new();
     for (k, &body) in bodies.iter().enumerate() {
         found.entry(lead(&leaders, k)).or_default().0.push(body);

@@ -298,8 +298,8 @@ impl Stepper {
     }
 
     /// The deepest overlap over the size of the smaller body that the step made deeper than its tolerance
-    /// allows, and its contact, of those `ahead`; pairs overlapped by so much at the start. Joints that can
-    /// only be closed into what they were to carry end so.
+    /// allows, and its contact, of those `ahead`; `start` is by how much pairs overlapped then. Joints that
+    /// can only be closed into what they were to carry end so.
     fn deepened<'c>(
         &self,
         world: &World,
@@ -308,13 +308,22 @@ impl Stepper {
     ) -> Option<(f64, &'c Contact)> {
         let (collider, tolerance) = (&self.collider, self.settings.solver.tolerance);
         let share = |contact: &Contact| -contact.gap / collider.contact_size(world, contact);
-        let is_deep = |contact: &&Contact| share(contact) > OVERLAP.max(tolerance);
+        let is_deep = |contact: &&Contact| {
+            // What an elastic contact overlaps is its own affair.
+            share(contact) > OVERLAP.max(tolerance) && !elasticity::gives(world, contact)
+        };
         let deep: Vec<&Contact> = ahead.par_iter().filter(is_deep).collect();
+        if deep.is_empty() {
+            return None;
+        }
+        let mut before: HashMap<[u32; 2], f64> = HashMap::new();
+        for &(pair, overlap) in start {
+            let known = before.entry(pair).or_default();
+            *known = known.max(overlap);
+        }
         let deepens = |contact: &&Contact| {
-            let of_pair = start.iter().filter(|(pair, _)| *pair == contact.unordered());
-            let before = of_pair.map(|(_, overlap)| *overlap).fold(0.0, f64::max);
-            let allowed = tolerance * collider.contact_size(world, contact);
-            -contact.gap > before + allowed && !elasticity::gives(world, contact)
+            let before = before.get(&contact.unordered()).copied().unwrap_or(0.0);
+            -contact.gap > before + tolerance * collider.contact_size(world, contact)
         };
         let deepest = deep.into_iter().filter(deepens).max_by(|a, b| share(a).total_cmp(&share(b)))?;
         Some((share(deepest), deepest))

@@ -1,10 +1,13 @@
 //! What joints exert.
 
-use super::{ActiveRow, Mechanism, Mechanisms, Solution};
+use super::{ActiveRow, Mechanism, Mechanisms, Role, Solution};
 use crate::joint::kinematics::{Placed, coordinate, last};
 use crate::joint::{JointKind, JointState};
 use crate::math::Vec3;
 use graintrain_ccp::Residual;
+
+/// What only holds gives a mechanism no more than this share of its energy, or of that of a free fall.
+const GAINED: f64 = 0.25;
 
 /// What joints did in a step.
 #[derive(Clone, Debug, Default)]
@@ -19,6 +22,8 @@ pub(crate) struct JointReactions {
     pub worst: usize,
     /// Rate at which it does, m/s.
     pub opening: f64,
+    /// A joint of a mechanism that got energy from what only holds, and how much, J ([`Mechanisms::gained`]).
+    pub gained: Option<(usize, f64)>,
     /// Of some joints forces are not known ([`Mechanisms::lost`]): they are reported as none.
     pub is_lost: bool,
 }
@@ -50,6 +55,7 @@ impl Mechanisms<'_> {
             }
             let rates = self.rates(mechanism, &solution.velocity);
             let lost = self.lost(mechanism, &solution);
+            found.gained = found.gained.or(self.gained(mechanism, &solution));
             for (joint, row, impulse, holds) in mechanism.exerted(&solution.impulse) {
                 found
                     .impulses
@@ -107,6 +113,44 @@ impl Mechanisms<'_> {
         };
         let changes = mechanism.rows.iter().zip(&solution.impulse).map(change);
         changes.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, change)| *change > self.yardstick)
+    }
+
+    /// The energy, J, that what only holds gave a mechanism without motors that turn it and without springs,
+    /// where that is more than [`GAINED`] allows, and the joint with the largest part in it. Paths that bend,
+    /// and stiffness that comes and goes, give and take in turn; where light links that whirl go taut under a
+    /// heavy load within a step, they may give more than there is.
+    pub(super) fn gained(&self, mechanism: &Mechanism, solution: &Solution) -> Option<(usize, f64)> {
+        if mechanism.rows.iter().any(|row| matches!(row.role, Role::Motor | Role::Spring)) {
+            return None;
+        }
+        let halved = |(before, after): (&f64, &f64)| 0.5 * (before + after);
+        let mean = |&body: &u32, after: &[f64]| -> Vec<f64> {
+            self.before[6 * body as usize..].iter().zip(after).map(halved).collect()
+        };
+        let velocities = mechanism.bodies.iter().zip(solution.velocity.chunks_exact(6));
+        let mean: Vec<f64> = velocities.clone().flat_map(|(body, after)| mean(body, after)).collect();
+        let energy = |body: u32, v: &[f64]| {
+            let v = [0, 3].map(|first| Vec3::from_slice(&v[first..first + 3]));
+            let [p, l] = self.momentum(body as usize, v);
+            0.5 * (p.dot(v[0]) + l.dot(v[1]))
+        };
+        let mut sums = [0.0; 3];
+        for (&body, after) in velocities {
+            sums[0] += energy(body, &self.before[6 * body as usize..]);
+            sums[1] += energy(body, after);
+            sums[2] += 0.5 * self.world.bodies.mass[body as usize] * self.scale * self.scale;
+        }
+        let work = |(row, impulse): (&ActiveRow, &f64)| {
+            (row.joint, impulse * row.row.rate_of(|body| self.velocity_of(mechanism, &mean, body)))
+        };
+        let works: Vec<(usize, f64)> = mechanism.rows.iter().zip(&solution.impulse).map(work).collect();
+        let of_swings = self.of_swings(mechanism, solution).into_iter().map(|(body, [f, m])| {
+            let v = self.velocity_of(mechanism, &mean, body);
+            f.dot(Vec3::from_slice(&v[..3])) + m.dot(Vec3::from_slice(&v[3..]))
+        });
+        let all = works.iter().map(|(_, work)| work).sum::<f64>() + of_swings.sum::<f64>();
+        let worst = works.into_iter().max_by(|a, b| a.1.total_cmp(&b.1))?.0;
+        (all > GAINED * sums.into_iter().fold(0.0, f64::max)).then_some((worst, all))
     }
 
     /// The impulses of stiffened swings on bodies: M (v+ - v*) less those of joints and contacts.

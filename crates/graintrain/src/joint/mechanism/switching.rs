@@ -282,16 +282,20 @@ impl Mechanisms<'_> {
         }
     }
 
-    /// Whether the path of a mechanism is not the one on which it is: some body would have to move much
-    /// faster than all do as its rows at the start of the step let them, in the frame of what holds it, or in
-    /// which it rests as a whole.
+    /// Whether the path of a mechanism is not the one on which it is: it would get energy from what only
+    /// holds (closed by a whole turn more, with contacts that press as that asks for), or some body would
+    /// have to move much faster than all do as its rows at the start of the step let them, in the frame of
+    /// what holds it, or in which it rests as a whole.
     fn leaps(&mut self, index: usize, impulse: &[f64]) -> bool {
         let mechanism = &mut self.mechanisms[index];
         let targets: Vec<f64> = mechanism.rows.iter().map(|row| row.target).collect();
         if mechanism.is_straight || mechanism.rows.iter().all(|row| row.target == row.wanted) {
             return false;
         }
-        let on_path = self.solve(&self.mechanisms[index], impulse).velocity;
+        let on_path = self.solve(&self.mechanisms[index], impulse);
+        if self.gained(&self.mechanisms[index], &on_path).is_some() {
+            return true;
+        }
         self.mechanisms[index].rows.iter_mut().for_each(|row| row.target = row.wanted);
         let straight = self.solve(&self.mechanisms[index], impulse).velocity;
         self.mechanisms[index].rows.iter_mut().zip(targets).for_each(|(row, target)| row.target = target);
@@ -316,7 +320,7 @@ impl Mechanisms<'_> {
             });
             speeds.fold(0.0, f64::max)
         };
-        fastest(&on_path) > LEAP * fastest(&straight) + STUCK * self.yardstick
+        fastest(&on_path.velocity) > LEAP * fastest(&straight) + STUCK * self.yardstick
     }
 
     /// Whether of some mechanism it was not found what its motors and stops do.
