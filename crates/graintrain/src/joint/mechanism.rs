@@ -32,6 +32,8 @@
 mod bounds;
 mod reactions;
 mod switching;
+#[cfg(test)]
+mod tests;
 mod vibration;
 
 pub(crate) use reactions::JointReactions;
