@@ -38,8 +38,7 @@ const WAITS: f64 = 1e-5;
 /// What is shorter than this is rounding.
 const NOISE: f64 = 1e-14;
 
-/// Slope of the residual of changes of right-hand sides over that at their start: Newton's method makes up
-/// for it.
+/// Residual of changes of right-hand sides over what is wanted: Newton's method makes up for it.
 const SETTLED: f64 = 1e-5;
 
 /// Iterations for them: they are few where the other rows are near those that are eliminated. Where bodies
@@ -52,6 +51,8 @@ pub(super) type SparseRow = Vec<(usize, f64)>;
 /// The factorisation.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Elimination {
+    /// How many blocks of six coordinates are bodies.
+    bodies: usize,
     /// n.
     length: usize,
     /// m.
@@ -283,7 +284,7 @@ impl Elimination {
                 }
             }
         }
-        let mut own = Self { length, count: rows.len(), ..Self::default() };
+        let mut own = Self { bodies, length, count: rows.len(), ..Self::default() };
         own.eliminate(groups.into_iter().unzip(), clusters, f64::sqrt(longest));
         own.relate();
         own
@@ -381,46 +382,60 @@ impl Elimination {
         self.reflect_back(z);
     }
 
-    /// The changes y of b by which [`Self::project`] changes C z by `wanted`, for as many other rows C: least
-    /// squares of C B^+ y - `wanted` by conjugate gradients (CGLS), next to the identity where the rows are
-    /// near each other. Only the rank of B counts: rows that repeat others and move with them do so in C to
-    /// second order alone.
-    ///
-    /// Source: Å. Björck, "Numerical methods for least squares problems", 1996, section 7.4.
-    pub(crate) fn changes(&self, others: &[SparseRow], wanted: &[f64]) -> Vec<f64> {
-        let times = |y: &[f64]| -> Vec<f64> {
-            let mut z = vec![0.0; self.length];
-            self.project(&mut z, y);
-            others.iter().map(|row| row.iter().map(|(place, x)| x * z[*place]).sum()).collect()
-        };
-        let transposed_times = |r: &[f64]| {
-            let mut t = vec![0.0; self.length];
-            for (row, r) in others.iter().zip(r) {
-                row.iter().for_each(|(place, x)| t[*place] += r * x);
-            }
-            self.multipliers(&t)
-        };
-        let (mut y, mut rest) = (vec![0.0; self.count], wanted.to_vec());
-        let mut slope = transposed_times(&rest);
-        let mut way = slope.clone();
-        let mut square = dot(&slope, &slope);
+    /// z <- its part in the range of B^T.
+    fn along(&self, z: &mut [f64]) {
+        self.reflect(z);
+        let mut kept = vec![0.0; z.len()];
+        self.pivots().for_each(|(.., slot)| kept[slot] = z[slot]);
+        z.copy_from_slice(&kept);
+        self.reflect_back(z);
+    }
+
+    /// B z of a z in the range of B^T.
+    fn times(&self, z: &[f64]) -> Vec<f64> {
+        let (mut z, mut product) = (z.to_vec(), vec![0.0; self.count]);
+        self.reflect(&mut z);
+        for (front, k, slot) in self.pivots() {
+            product[front.names[k]] += front.diagonal[k] * z[slot];
+            front.beyond(k).for_each(|(row, entry)| product[row] += entry * z[slot]);
+        }
+        product
+    }
+
+    /// The changes of b by which [`Self::project`] changes C z by `wanted`, for as many other rows C: z in
+    /// the range of B^T whose part in that of C^T is the shortest vector of these C z, by conjugate
+    /// gradients. The squares of the cosines between both ranges are the eigenvalues: all next to 1 where the
+    /// rows are near each other, however they are conditioned. What repeats others in B does not count in C,
+    /// where it may do so to second order only.
+    pub(crate) fn changes(&self, mut others: Vec<SparseRow>, wanted: &[f64]) -> Vec<f64> {
+        for front in &self.fronts {
+            let repeated = &front.names[front.names.len() - front.repeated..];
+            repeated.iter().for_each(|&row| others[row].clear());
+        }
+        let others = Self::new(self.bodies, self.length, &others);
+        let mut rest = vec![0.0; self.length];
+        others.project(&mut rest, wanted);
+        self.along(&mut rest);
+        let (mut z, mut way) = (vec![0.0; self.length], rest.clone());
+        let mut square = dot(&rest, &rest);
         let small = SETTLED * SETTLED * square;
         for _ in 0..ITERATIONS {
             if square.is_nan() || square <= small {
                 break;
             }
-            let image = times(&way);
-            let step = square / dot(&image, &image);
+            let mut image = way.clone();
+            others.along(&mut image);
+            self.along(&mut image);
+            let step = square / dot(&way, &image);
             if !step.is_finite() {
                 break;
             }
-            add(&mut y, step, &way);
+            add(&mut z, step, &way);
             add(&mut rest, -step, &image);
-            slope = transposed_times(&rest);
-            let before = std::mem::replace(&mut square, dot(&slope, &slope));
-            way.iter_mut().zip(&slope).for_each(|(way, slope)| *way = slope + square / before * *way);
+            let before = std::mem::replace(&mut square, dot(&rest, &rest));
+            way.iter_mut().zip(&rest).for_each(|(way, rest)| *way = rest + square / before * *way);
         }
-        y
+        self.times(&z)
     }
 
     /// Solves R11 x = t - R12 x, where x is given for rows that repeat others; t at the slots of Q^T (empty:
@@ -653,7 +668,7 @@ mod tests {
             let own = Elimination::new(n * n, length, &sparse(&plain));
             let wanted = seen(&plain, &way);
             let mut z = vec![0.0; length];
-            own.project(&mut z, &own.changes(&sparse(&others), &wanted));
+            own.project(&mut z, &own.changes(sparse(&others), &wanted));
             let left = missed(&seen(&others, &z), &wanted);
             assert!(left < 1e-6 + 1e2 * off, "{n} {off}: {left}");
             let other = Elimination::new(n * n, length, &sparse(&others));
@@ -662,6 +677,33 @@ mod tests {
             other.project(&mut z, &wanted);
             let left = missed(&seen(&others, &z), &wanted);
             assert!(left < 1e-7, "{n} {off}: {left}");
+        }
+    }
+
+    /// A body on two balls a micrometre apart, that turns about both: badly conditioned rows, which turn
+    /// alike.
+    #[test]
+    fn rows_that_are_next_to_each_other_are_seen_as_they_turn() {
+        let rows = |angle: f64| -> Vec<Vec<f64>> {
+            let turn = crate::math::Quat::from_rotation_y(angle);
+            let points = [0.0, 1e-6].map(|y| turn * Vec3::new(-0.5, y, 0.0));
+            let row = |(point, e): (Vec3, Vec3)| {
+                let parts = [e, point.cross(e)].map(|part| part.to_array());
+                parts.as_flattened().iter().map(|x| x / 1.25_f64.sqrt()).collect()
+            };
+            points
+                .into_iter()
+                .flat_map(|point| [Vec3::X, Vec3::Y, Vec3::Z].map(|e| row((point, e))))
+                .collect()
+        };
+        let own = Elimination::new(1, 6, &sparse(&rows(0.0)));
+        assert_eq!(own.relations.len(), 1);
+        let (others, way) = (rows(0.1), random_rows(1, 6, 4).remove(0));
+        let wanted: Vec<f64> = others.iter().map(|row| dot(row, &way)).collect();
+        let mut z = vec![0.0; 6];
+        own.project(&mut z, &own.changes(sparse(&others), &wanted));
+        for (row, wanted) in others.iter().zip(&wanted) {
+            assert!((dot(row, &z) - wanted).abs() < 1e-9, "{} {wanted}", dot(row, &z));
         }
     }
 
@@ -691,7 +733,7 @@ mod tests {
             let way = random_rows(1, 9, 5).remove(0);
             let wanted: Vec<f64> = others.iter().map(|row| dot(row, &way)).collect();
             let elimination = Elimination::new(1, 9, &sparse(&own));
-            let changes = elimination.changes(&sparse(&others), &wanted);
+            let changes = elimination.changes(sparse(&others), &wanted);
             let mut z = vec![0.0; 9];
             elimination.project(&mut z, &changes);
             for (row, wanted) in others.iter().zip(&wanted) {

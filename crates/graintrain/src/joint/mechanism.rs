@@ -40,7 +40,7 @@ pub(crate) use reactions::JointReactions;
 use switching::CLEAR;
 use vibration::spring_shares;
 
-use super::elimination::{Elimination, SparseRow};
+use super::elimination::Elimination;
 use super::kinematics::{Placed, Row, coordinate, held, last};
 use super::rows::{Root, connected, length_of, made_unit, row_over};
 use super::stiffening::{Stiffening, stiffness};
@@ -700,9 +700,9 @@ impl Mechanism {
             row.iter_mut().for_each(|(_, x)| *x /= own.norm);
             row
         };
-        let rows: Vec<SparseRow> = self.rows.iter().zip(seen).map(row).collect();
+        let rows = self.rows.iter().zip(seen).map(row).collect();
         let missing: Vec<f64> = self.rows.iter().zip(missing).map(|(own, rate)| rate / own.norm).collect();
-        let mut changes = self.elimination.changes(&rows, &missing);
+        let mut changes = self.elimination.changes(rows, &missing);
         changes.iter_mut().zip(&self.rows).for_each(|(change, own)| *change *= own.norm);
         changes
     }
