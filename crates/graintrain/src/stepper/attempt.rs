@@ -553,13 +553,6 @@ fn check_joints(world: &World, joints: &JointReactions, settings: &SolveSettings
     for residual in [&mut solve.residual, &mut solve.residual_relaxed, &mut solve.residual_coulomb] {
         *residual = residual.worse(joints.residual);
     }
-    if let Some((joint, energy)) = joints.gained
-        && solve.status == Status::Converged
-    {
-        let name = world.joint_label(joint);
-        solve.status = Status::IterationLimit;
-        solve.remark = Some(format!("{name} and those about it gave {energy:.1e} J where they only hold"));
-    }
     let measured = joints.residual.measured(settings.criterion);
     if (measured.is_nan() || measured > settings.tolerance) && solve.status == Status::Converged {
         solve.status = Status::IterationLimit;
@@ -574,6 +567,13 @@ fn check_joints(world: &World, joints: &JointReactions, settings: &SolveSettings
             "{name} opens at {:.1e} m/s: joints, stops or driven bodies contradict each other, or bodies turn too far in a step",
             joints.opening
         ));
+    }
+    if let Some((joint, energy)) = joints.gained
+        && solve.status == Status::Converged
+    {
+        let name = world.joint_label(joint);
+        solve.status = Status::IterationLimit;
+        solve.remark = Some(format!("{name} and those about it gave {energy:.1e} J where they only hold"));
     }
 }
 

@@ -114,39 +114,47 @@ fn stops_hold_and_let_go() {
 }
 
 /// A motor without a limit turns a crank whose linkage does not let it go round: at the dead point joints can
-/// only be closed against it. The step says so, and the next ones go on.
+/// only be closed against it. The step says so, and the next ones go on: roundings decide for how long, so
+/// steps and speeds vary.
 #[test]
 fn a_motor_at_a_dead_point_is_reported() {
+    let cases = [(5e-3, 2.0), (4.9e-3, 2.0), (5.1e-3, 2.0), (5e-3, 2.01), (5e-3, 1.95)];
+    let told: usize = cases.iter().map(|&(step, speed)| told_at_a_dead_point(step, speed)).sum();
+    assert!(told < 80 * cases.len(), "{told}");
+}
+
+/// Steps in which the motor is reported, of 400.
+fn told_at_a_dead_point(step: f64, speed: f64) -> usize {
     let mut world = earth();
     let pins =
         [Vec3::ZERO, Vec3::new(0.287, 0.0, 0.089), Vec3::new(0.631, 0.0, 0.292), Vec3::new(0.7, 0.0, 0.0)];
     let links: Vec<BodyId> = (0..3).map(|k| rod(&mut world, [pins[k], pins[k + 1]], 1.0)).collect();
-    let speed = Motor::Speed { speed: Profile::Constant(2.0), limit: None };
-    let crank = Joint::revolute(None, links[0], pins[0], -Vec3::Y).with_motor(speed).named("crank");
+    let motor = Motor::Speed { speed: Profile::Constant(speed), limit: None };
+    let crank = Joint::revolute(None, links[0], pins[0], -Vec3::Y).with_motor(motor).named("crank");
     world.add_joint(crank).unwrap();
     world.add_joint(Joint::revolute(Some(links[0]), links[1], pins[1], Vec3::Y)).unwrap();
     world.add_joint(Joint::revolute(Some(links[1]), links[2], pins[2], Vec3::Y)).unwrap();
     world.add_joint(Joint::revolute(None, links[2], pins[3], Vec3::Y)).unwrap();
-    let mut stepper = stepper(5e-3, FrictionModel::Coulomb);
+    let mut stepper = stepper(step, FrictionModel::Coulomb);
     let mut remarks = Vec::new();
     for _ in 0..400 {
         let before = world.joints()[0].state.coordinate;
         let report = stepper.step(&mut world).unwrap();
         let turned = world.joints()[0].state.coordinate - before;
         if report.solve.status == Status::Converged {
-            assert!((turned - 5e-3 * 2.0).abs() < 1.1e-3, "{turned}");
+            assert!((turned - step * speed).abs() < 1.1e-3, "{turned}");
         } else {
             remarks.push(report.solve.remark.unwrap());
         }
         let fastest = world.bodies.velocity.iter().map(|v| v.length()).fold(0.0, f64::max);
         assert!(fastest < 1e3, "{fastest}");
     }
-    // Of 400; roundings decide when it gets over the dead point: with steps and speeds 2 % off 12 to 100.
-    assert!((1..200).contains(&remarks.len()), "{remarks:?}");
+    assert!(!remarks.is_empty());
     assert!(
         remarks.iter().all(|remark| remark.contains("crank") || remark.contains("beyond all bounds")),
         "{remarks:?}"
     );
+    remarks.len()
 }
 
 #[test]
