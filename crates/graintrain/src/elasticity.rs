@@ -22,7 +22,7 @@ use crate::contact::Contact;
 use crate::material::Elasticity;
 use crate::world::World;
 use graintrain_ccp::{BodyInverseMass, RigidContact};
-use std::collections::HashMap;
+use hashbrown::HashMap;
 
 /// Bodies touch where their gap is below this fraction of the smaller one's size, m/m: somewhat more than
 /// what corrections of overlap leave.

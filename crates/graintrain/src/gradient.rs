@@ -32,7 +32,7 @@ use crate::world::World;
 use graintrain_ccp::registry::Method;
 use graintrain_ccp::sensitivity::{Adjoint, ContactState, Sensitivity, SensitivityError};
 use graintrain_ccp::{Ccp, Criterion, Delassus, FIXED, FrictionModel, RigidDelassus, SolverSpec};
-use std::collections::HashMap;
+use hashbrown::HashMap;
 
 /// Residual that the step's problem is solved to, and the largest accepted.
 const TOLERANCE: (f64, f64) = (1e-11, 1e-9);

@@ -54,7 +54,7 @@ use graintrain_ccp::{
     BodyInverseMass, Ccp, CcpError, CcpSolver, CoupledBodies, Delassus, FrictionModel, Residual,
     RigidContact, SolveSettings, Status,
 };
-use std::collections::HashMap;
+use hashbrown::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 

@@ -43,6 +43,7 @@ use crate::math::Vec3;
 use crate::overlap::Correction;
 use crate::world::World;
 use graintrain_ccp::{Ccp, CcpSolver, Ranks, SolveSettings, SolverSpec};
+use rayon::prelude::*;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -238,7 +239,7 @@ impl Stepper {
             let is_fast = after.gap > before.gap && after.gap > 0.5 * collider.contact_size(world, &after);
             (!is_fast).then_some(after)
         };
-        let mut contacts = contacts.into_iter().filter_map(past).collect();
+        let mut contacts = contacts.into_par_iter().filter_map(past).collect();
         leave_covered_out(world, &self.collider, step, &mut contacts);
         let mut rounds = Rounds::of(contacts);
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());

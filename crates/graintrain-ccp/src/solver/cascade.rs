@@ -185,6 +185,8 @@ struct Runner {
     length: usize,
     /// ln(residual before / after) of its last turn per iteration; none before its first.
     rate: Option<f64>,
+    /// It would reach the tolerance in another turn as long, as it got on in the later half of that one.
+    arrives: bool,
 }
 
 /// The search for a proof, by what the systems of a member cost.
@@ -367,6 +369,17 @@ impl CcpSolver for Cascade {
     }
 }
 
+/// The first of the runners that gain most, those before their first turn before all; of those that gain
+/// nothing, the one with the shortest turn.
+fn next_of(runners: &[Runner]) -> usize {
+    let rate = |k: usize| runners[k].rate.unwrap_or(f64::INFINITY);
+    let better = |a: usize, b: usize| {
+        let is_shorter = rate(b) <= 0.0 && runners[b].length < runners[a].length;
+        if rate(b) > rate(a) || rate(b) == rate(a) && is_shorter { b } else { a }
+    };
+    (0..runners.len()).reduce(better).unwrap_or_default()
+}
+
 impl Cascade {
     /// Members take turns, each from where the one before ended; after a first turn of each it is that of the
     /// one whose last turn gained most per iteration. Ends where nobody gains; whether it ends the solve.
@@ -384,25 +397,23 @@ impl Cascade {
         let order = runners(problem, settings);
         let runner = |(place, k): (usize, &usize)| {
             let length = if place == 0 && is_round { FIRST * turn } else { turn };
-            Runner { member: stage.member + k, length, rate: None }
+            Runner { member: stage.member + k, length, rate: None, arrives: false }
         };
         let mut runners: Vec<Runner> = order.iter().enumerate().map(runner).collect();
-        let (begun, mut start) = (course.spent, stage.start);
+        let (begun, mut start, mut last) = (course.spent, stage.start, 0);
         loop {
             let left = share - ((course.spent - begun) as usize).min(share);
-            let rate = |runner: &&mut Runner| runner.rate.unwrap_or(f64::INFINITY);
-            // The first of those that gain most; of those that gain nothing, the one with the shortest turn.
-            let next = runners.iter_mut().reduce(|a, b| {
-                let (of_a, of_b) = (rate(&a), rate(&b));
-                if of_b > of_a || of_b == of_a && of_b <= 0.0 && b.length < a.length { b } else { a }
-            });
-            let Some(next) = next else { return Ok(false) };
-            if left == 0
-                || (next.rate == Some(0.0) && next.length > LONGEST)
-                || (is_round && next.rate.is_some())
-            {
+            if !runners[last].arrives {
+                last = next_of(&runners);
+                let Runner { length, rate, .. } = runners[last];
+                if (rate == Some(0.0) && length > LONGEST) || (is_round && rate.is_some()) {
+                    return Ok(false);
+                }
+            }
+            if left == 0 {
                 return Ok(false);
             }
+            let next = &mut runners[last];
             let before = course.best.residual();
             let spent = course.spent;
             let own = Stage { member: next.member, task: Task::Exact, start, ..*stage };
@@ -417,6 +428,7 @@ impl Cascade {
             let gain = before.min(course.first) / course.best.residual();
             let rate = if gain > 1.0 { real::ln(gain) / cost } else { 0.0 };
             next.rate = Some(rate);
+            next.arrives = course.late_gain > course.best.residual() / settings.tolerance;
             next.length *= 2;
         }
     }
@@ -539,6 +551,9 @@ struct Course {
     stages: Vec<StageRecord>,
     /// First residual known.
     first: f64,
+    /// Least residual of the first half of the last stage over that of the second one, squared: what as many
+    /// iterations more would gain.
+    late_gain: f64,
     /// Whether others may be able to do what one cannot.
     has_others: bool,
 }
@@ -560,6 +575,7 @@ impl Course {
             remark: None,
             stages: Vec::new(),
             first: f64::INFINITY,
+            late_gain: 0.0,
             has_others: stages > 1,
         }
     }
@@ -606,6 +622,13 @@ impl Course {
         if let (None, Some(sample)) = (self.stages.first(), report.history.first()) {
             self.first = limits.measured(Residual { max: sample.max, rms: sample.rms });
         }
+        let least = |is_late: bool| {
+            let own = report.history.iter().filter(|s| (2 * s.iteration > report.iterations) == is_late);
+            let measured = own.map(|s| limits.measured(Residual { max: s.max, rms: s.rms }));
+            measured.fold(f64::INFINITY, f64::min)
+        };
+        let gain = (least(false) / least(true)).powi(2);
+        self.late_gain = if gain.is_finite() { gain } else { 0.0 };
         self.history.append(&report.history, self.sums[0], begun);
         self.count(&report, start, cost);
         self.newton.append(&mut report.newton);

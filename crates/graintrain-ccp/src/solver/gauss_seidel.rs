@@ -9,6 +9,7 @@
 use super::first_order::{FirstOrderMethod, Iterate};
 use super::lanes::{Batch, LANES, Lanes, Numbers, Vector, dot, scale, sub, tangential_length};
 use super::scaling::{ContactBatch, Relaxation, ScaledProblem, TurningBatch};
+use super::single::SingleIterate;
 use graintrain_linalg::block3::Block;
 use graintrain_linalg::real;
 
@@ -129,11 +130,16 @@ impl FirstOrderMethod for GaussSeidel {
     const NAME: &'static str = "pgs";
     const EXACT: bool = true;
     const TURNING: bool = true;
+    const SINGLE: bool = true;
     const SWEEPS: bool = true;
 
     fn run(&mut self, scaled: &ScaledProblem, it: &mut Iterate<'_>) {
         let steps = Steps::of(scaled, self.relaxation);
         sweep(scaled, it, &steps, |_| 0.0);
+    }
+
+    fn run_single(&mut self, it: &mut SingleIterate<'_>) {
+        it.sweep(self.relaxation, |_| 0.0);
     }
 }
 

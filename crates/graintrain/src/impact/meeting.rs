@@ -8,7 +8,7 @@ use crate::math::Vec3;
 use crate::stepper::RepetitionParameters as Repetition;
 use crate::world::World;
 use graintrain_ccp::CoupledBodies;
-use std::collections::HashSet;
+use hashbrown::HashSet;
 
 impl ImpactSolver<'_> {
     /// Those of these contacts whose bodies do not pass each other over a gap, overlapping on their way by no

@@ -8,16 +8,20 @@
 use super::Stepper;
 use super::attempt::Attempt;
 use super::placement::Placement;
+use super::repetition::Rounds;
 use crate::cell::Cell;
 use crate::contact::Contact;
 use crate::math::Vec3;
 use crate::world::World;
 use graintrain_ccp::Delassus;
 use graintrain_ccp::residual::{MIXED_MAXIMUM, velocity_scale};
-use std::collections::HashSet;
+use hashbrown::HashSet;
 
 /// Bodies nearer than this fraction of the smaller one's size count as together.
 const TOGETHER: f64 = 0.05;
+
+/// How often the plane of two balls is moved out of their way in a step.
+const OFTEN: usize = 2;
 
 /// What [`Stepper::apart`] finds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -29,11 +33,8 @@ pub(super) struct Apart {
 }
 
 impl Stepper {
-    /// Contacts whose impulse in the contact problem changes velocities by more than the solve resolves and
-    /// whose bodies were nowhere on their way nearer to each other than [`TOGETHER`]. Impacts are not looked
-    /// at. `world` is at the end of the step, `ahead` are its contacts there. Cost: a pass over the contacts;
-    /// a pass over `ahead` if any of them had a gap and force; a sweep along three motions for each that has
-    /// a gap at the end, too.
+    /// Contacts with force whose bodies were never together. `world` is at the end of the step, `ahead` are
+    /// its contacts there.
     pub(super) fn apart(
         &self,
         world: &World,
@@ -42,21 +43,39 @@ impl Stepper {
         attempt: &Attempt,
         ahead: &[Contact],
     ) -> Apart {
-        let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Apart::default() };
+        let unmet = self.never_together(world, start, contacts, attempt, ahead);
+        let impulse_max = unmet.iter().map(|(_, impulse)| *impulse).fold(0.0, f64::max);
+        Apart { count: unmet.len(), impulse_max }
+    }
+
+    /// Contacts (places, ascending, and impulses, N s) whose impulse in the contact problem changes
+    /// velocities by more than the solve resolves and whose bodies were nowhere on their way nearer to each
+    /// other than [`TOGETHER`]. Impacts are not looked at. Of `world` only the forms of the bodies are asked;
+    /// `ahead` are contacts of the end. Cost: a pass over the contacts; a pass over `ahead` if any of them
+    /// had a gap and force; a sweep along three motions for each that has a gap at the end, too.
+    fn never_together(
+        &self,
+        world: &World,
+        start: &Placement,
+        contacts: &[Contact],
+        attempt: &Attempt,
+        ahead: &[Contact],
+    ) -> Vec<(usize, f64)> {
+        let Delassus::Rigid(rigid) = &*attempt.problem.delassus else { return Vec::new() };
         let resolved = MIXED_MAXIMUM * self.settings.solver.tolerance * velocity_scale(&attempt.problem);
         let reach = |contact: &Contact| TOGETHER * self.collider.contact_size(world, contact);
-        let mut pressing: Vec<(&Contact, f64)> = Vec::new();
+        let mut pressing: Vec<(usize, f64)> = Vec::new();
         for (k, (&i, g)) in attempt.active.iter().zip(attempt.impulse.chunks_exact(3)).enumerate() {
             let contact = &contacts[i as usize];
             let has_gap = contact.gap > 0.0 && contact.gap > reach(contact);
             if has_gap && g[0] * rigid.diagonal()[k][0] > resolved {
-                pressing.push((contact, g[0]));
+                pressing.push((i as usize, g[0]));
             }
         }
         if pressing.is_empty() {
-            return Apart::default();
+            return pressing;
         }
-        let wanted: HashSet<u64> = pressing.iter().map(|(contact, _)| contact.identity).collect();
+        let wanted: HashSet<u64> = pressing.iter().map(|(i, _)| contacts[*i].identity).collect();
         let together: HashSet<u64> = ahead
             .iter()
             .filter(|c| wanted.contains(&c.identity) && c.gap <= reach(c))
@@ -68,15 +87,40 @@ impl Stepper {
             (&attempt.impacts.velocity, start.cell.as_ref()),
             (&attempt.velocity, attempt.cell.as_ref()),
         ];
-        let mut found = Apart::default();
-        for (contact, impulse) in pressing.into_iter().filter(|(c, _)| !together.contains(&c.identity)) {
+        pressing.retain(|(i, _)| {
+            let contact = &contacts[*i];
             let near = |motion| self.come_near(world, start, contact, motion, reach(contact));
-            if !motions.into_iter().any(near) {
-                found.count += 1;
-                found.impulse_max = found.impulse_max.max(impulse);
-            }
+            !together.contains(&contact.identity) && !motions.into_iter().any(near)
+        });
+        pressing
+    }
+
+    /// Those of them that are of two balls, whose planes are to be moved out of their way: what was not seen
+    /// to meet, each so often at most.
+    pub(super) fn passing_balls(
+        &self,
+        world: &World,
+        start: &Placement,
+        rounds: &Rounds,
+        attempt: &Attempt,
+        ahead: &[Contact],
+    ) -> Vec<usize> {
+        // Planes that gather are left as they are.
+        if 2 * rounds.round >= self.parameters.repetition.rounds {
+            return Vec::new();
         }
-        found
+        let is_ball = |body: u32| self.collider.is_ball(world, body as usize);
+        let unmet = self.never_together(world, start, &rounds.contacts, attempt, ahead);
+        let places = unmet.into_iter().map(|(i, _)| i);
+        let may_move = |i: &usize| {
+            let contact = &rounds.contacts[*i];
+            let often = rounds.passed.get(&contact.identity).copied().unwrap_or(0);
+            is_ball(contact.body_a)
+                && is_ball(contact.body_b)
+                && often < OFTEN
+                && rounds.times_met(contact) == 0
+        };
+        places.filter(may_move).collect()
     }
 
     /// Whether the bodies of a contact come nearer than `reach`, m, from where they were at the start of the

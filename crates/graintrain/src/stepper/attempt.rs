@@ -25,8 +25,8 @@ use graintrain_ccp::{
     BodyInverseMass, Ccp, CcpError, Delassus, RigidContact, SolveReport, SolveSettings, Status,
 };
 use graintrain_linalg::parallel::axpy;
+use hashbrown::{HashMap, HashSet};
 use std::borrow::Cow;
-use std::collections::{HashMap, HashSet};
 
 /// What parts of few contacts are solved to, over the tolerance, where motors and stops are bounds.
 const ROUGH: f64 = 1e-2;

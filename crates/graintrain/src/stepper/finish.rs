@@ -21,8 +21,8 @@ use crate::step_report::{PhysicalErrors, StepReport, wrenches};
 use crate::turning::{turning_velocities, world_moment};
 use crate::world::World;
 use graintrain_ccp::{CoupledBodies, Delassus, RigidContact, SolveReport, Status};
+use hashbrown::HashMap;
 use rayon::prelude::*;
-use std::collections::HashMap;
 
 /// The groups of bodies that joints couple where they are.
 fn coupled(world: &World, step: f64) -> Vec<CoupledBodies> {

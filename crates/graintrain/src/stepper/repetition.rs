@@ -8,6 +8,7 @@
 //! | bodies overlap at the end that had no contact (`undetected`) | their contacts join |
 //! | a contact ends far deeper than foreseen (`departed`) | it is linearised anew where it ends ([`carried_back`]) |
 //! | a contact exerts force whose bodies would pass without overlap (`unmet.rs`) | it is tried without |
+//! | a contact of two balls exerts force, and they pass each other all the same (`apart.rs`) | its plane is moved out of their way |
 
 use super::attempt::Attempt;
 use super::bend::bends;
@@ -15,14 +16,14 @@ use super::covered::leave_covered_out;
 use super::mobility;
 use super::placement::{Placement, Seen};
 use super::{Made, StepError, Stepper};
-use crate::assemble::{contact_rows, relative_velocities};
+use crate::assemble::{contact_rows, relative_velocities, velocity_of};
 use crate::cell;
 use crate::clock::{Clock, Laps};
 use crate::contact::Contact;
 use crate::math::{Vec3, mix};
 use crate::world::World;
+use hashbrown::{HashMap, HashSet};
 use rayon::prelude::*;
-use std::collections::{HashMap, HashSet};
 
 /// What makes a step be made again, and how often. Values: docs/mechanics.md, "The step"; held by
 /// `tests/physics/repetition.rs`.
@@ -133,6 +134,8 @@ pub(super) struct Rounds {
     pub(super) planes: Planes,
     /// Contacts under way that bodies are driven into all the same, by identity.
     pub(super) driven: HashSet<u64>,
+    /// How often the plane of two balls that pass each other was moved out of their way, by identity.
+    pub(super) passed: HashMap<u64, usize>,
     /// How often bodies were seen to meet at a contact, by identity; one where they were is not spurious.
     pub(super) met: HashMap<u64, usize>,
     /// Rounds made so far.
@@ -295,20 +298,31 @@ impl Stepper {
             undetected.clear();
         }
         let departed = if is_last { Vec::new() } else { self.departed(world, start, rounds, attempt, &deep) };
+        let passing = self.passing_balls(world, start, rounds, attempt, ahead);
+        let is_known_again = is_joined || !departed.is_empty() || !passing.is_empty();
         let (mut new, mut ends) = (Vec::new(), Vec::new());
-        if !(undetected.is_empty() || is_last) || !departed.is_empty() || is_joined {
+        if !(undetected.is_empty() || is_last) || is_known_again {
             let carry = |c: &Contact| carried_back(c, world, start, attempt, self.settings.step);
             ends.extend(undetected.iter().map(carry));
             let end = start.exchange(world);
             new = self.new_contacts(world, &rounds.contacts, &ends, &attempt.velocity);
-            if new.is_empty() && departed.is_empty() && !is_joined {
+            if new.is_empty() && !is_known_again {
                 end.exchange(world);
             } else {
                 rounds.seen[1] = Seen::of(end);
             }
         }
-        if new.is_empty() && departed.is_empty() && !is_joined {
+        if new.is_empty() && !is_known_again {
             return Some(undetected);
+        }
+        for i in passing {
+            let contact = &mut rounds.contacts[i];
+            let velocities =
+                [contact.body_a, contact.body_b].map(|body| velocity_of(&attempt.velocity, body as usize));
+            let [closed, nearest] =
+                self.collider.pass_of_balls(world, contact, velocities, self.settings.step);
+            contact.gap = closed + nearest;
+            *rounds.passed.entry(contact.identity).or_default() += 1;
         }
         rounds.added += new.len() + departed.len();
         let departed = rounds.planes.put(departed, &mut rounds.contacts);

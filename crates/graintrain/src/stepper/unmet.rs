@@ -30,8 +30,8 @@ use crate::integrate::velocities;
 use crate::math::Vec3;
 use crate::world::World;
 use graintrain_ccp::RigidContact;
+use hashbrown::HashSet;
 use rayon::prelude::*;
-use std::collections::HashSet;
 use std::slice::from_ref;
 
 /// Bodies whose gap is below this fraction of the smaller one's size touch: without what carries it a body

@@ -9,6 +9,7 @@ use graintrain::material::Elasticity;
 use graintrain::math::{Quat, Vec3, rotation_exponential};
 use graintrain::motion::Motion;
 use graintrain::shape::{Cuboid, Geometry, Part, Shape, Sphere, Surface};
+use graintrain::step_report::StepReport;
 use graintrain::stepper::{StepSettings, Stepper};
 use graintrain::world::{Body, World};
 use std::f64::consts::PI;
@@ -291,28 +292,53 @@ fn balls_that_meet_off_their_centres_part_along_the_line_of_centres() {
     }
 }
 
-/// A ball that crosses another one at a gap of 6 % of their radius while a force presses them together: the
-/// plane of the contact at the start of the step stops it above where it then is. A radius per step sideways
-/// leaves them 6 % apart at the least; half of it brings them within the twentieth that counts as together.
+/// A ball that crosses another body at a gap of 6 % of their radius while a force presses them together, and
+/// how far it moves sideways in the step, radii. Without a contact each comes
+/// 30 % of the radius nearer.
+fn pressed_past(other: Geometry, per_step: f64) -> (World, StepReport, Vec3) {
+    let mut world = world(0.0, 0.0);
+    world.gravity = Vec3::ZERO;
+    let (radius, step) = (0.1, 1e-3);
+    let a = add_sphere(&mut world, radius, Vec3::new(0.0, 0.0, 2.06 * radius));
+    let other = world.add_geometry(other);
+    let across = Quat::from_rotation_arc(Vec3::Z, Vec3::Y);
+    let b = Body { orientation: across, ..Body::new(other, MaterialId::default(), Vec3::ZERO) };
+    let b = world.add_body(b).unwrap().index();
+    world.bodies.velocity[a] = per_step * radius / step * Vec3::X;
+    let press = world.bodies.mass[a] * 0.3 * radius / (step * step) * Vec3::Z;
+    (world.bodies.force[a], world.bodies.force[b]) = (-press, press);
+    let settings = StepSettings { step, ..StepSettings::default() };
+    let report = Stepper::new(settings).unwrap().step(&mut world).unwrap();
+    (world, report, step * press)
+}
+
+/// The plane of the contact at the start of the step stops the ball above where it then is. A radius per step
+/// sideways leaves them 6 % apart at the least; half of it brings them within the twentieth that counts as
+/// together. The other body is a short capsule across the way.
 #[test]
 fn what_presses_though_bodies_are_apart_is_counted() {
     for (per_step, expected) in [(1.0, 1), (0.5, 0)] {
-        let mut world = world(0.0, 0.0);
-        world.gravity = Vec3::ZERO;
-        let (radius, step) = (0.1, 1e-3);
-        let a = add_sphere(&mut world, radius, Vec3::new(0.0, 0.0, 2.06 * radius));
-        let b = add_sphere(&mut world, radius, Vec3::ZERO);
-        world.bodies.velocity[a] = per_step * radius / step * Vec3::X;
-        // Each comes 10 % of the radius nearer in the step.
-        let press = world.bodies.mass[a] * 0.1 * radius / (step * step) * Vec3::Z;
-        (world.bodies.force[a], world.bodies.force[b]) = (-press, press);
-        let settings = StepSettings { step, ..StepSettings::default() };
-        let report = Stepper::new(settings).unwrap().step(&mut world).unwrap();
+        let (world, report, press) = pressed_past(Geometry::capsule(1e-3, 0.1).unwrap(), per_step);
         assert_eq!(report.contacts_apart, expected, "{per_step}: {report:?}");
-        let change = world.bodies.velocity[b].z * world.bodies.mass[b];
-        let pushed = (step * press.z - change).abs();
+        let change = world.bodies.velocity[1].z * world.bodies.mass[1];
+        let pushed = (press.z - change).abs();
         let reported = if expected == 1 { pushed } else { 0.0 };
         assert!((report.impulse_apart_max - reported).abs() < 1e-6 * pushed, "{report:?}");
+    }
+}
+
+/// Two balls are pressed past each other: they touch on their way, and no force acts where they do not.
+#[test]
+fn balls_that_are_pressed_past_each_other_touch() {
+    for per_step in [0.5, 0.7, 1.0] {
+        let (world, report, press) = pressed_past(Geometry::sphere(0.1).unwrap(), per_step);
+        assert_eq!(report.contacts_apart, 0, "{per_step}: {report:?}");
+        let pushed = (press.z - world.bodies.velocity[1].z * world.bodies.mass[1]).abs();
+        let end = world.bodies.position[0] - world.bodies.position[1];
+        let way = end - 2.06 * 0.1 * Vec3::Z;
+        let back = (way.dot(end) / way.length_squared()).clamp(0.0, 1.0);
+        let nearest = (end - back * way).length() / 0.2 - 1.0;
+        assert!(pushed > 0.0 && (-5e-4..0.025).contains(&nearest), "{per_step}: {nearest} {pushed}");
     }
 }
 
