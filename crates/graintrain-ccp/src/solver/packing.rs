@@ -210,7 +210,7 @@ fn numbered(rigid: &RigidDelassus) -> Vec<u32> {
 }
 
 /// So many contacts there are per range of bodies, about.
-const PER_RANGE: usize = 1024;
+pub(super) const PER_RANGE: usize = 1024;
 
 /// Contacts whose bodies lie in one range of places.
 #[derive(Clone, Debug)]

@@ -5,6 +5,7 @@ use super::apgd;
 use super::cascade::{ABOVE, GRADIENTS_FIRST, LONGEST, TURN};
 use super::first_order::NEAR;
 use super::momentum::Memory;
+use super::packing::PER_RANGE;
 use super::single::{self, FEWEST_CONTACTS, LEAST_MAXIMUM, LEAST_TOLERANCE};
 use super::start::SAMPLE;
 use crate::residual::MIXED_MAXIMUM;
@@ -35,6 +36,7 @@ fn the_page_on_solvers_has_their_constants() {
             format!("from {} contacts on ({} without single precision)", count(many), count(fewer)),
             format!("until none gains in a turn of {}", count(LONGEST)),
             format!("above a residual of {ABOVE}"),
+            format!("ranges of bodies of about {} contacts", count(PER_RANGE)),
         ],
     );
 }
