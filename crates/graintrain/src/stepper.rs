@@ -28,7 +28,7 @@ use self::covered::leave_covered_out;
 use self::error::{cell_error, check_drives, check_state};
 use self::flight::courses;
 use self::placement::Placement;
-use self::repetition::Rounds;
+use self::repetition::{Passed, Rounds};
 use crate::assemble::of_each;
 use crate::cell;
 use crate::clock::Clock;
@@ -231,17 +231,20 @@ impl Stepper {
         let past = |before: Contact| {
             let pair = [before.body_a as usize, before.body_b as usize];
             if !pair.iter().all(|&body| collider.is_ball(world, body)) {
-                return Some(before);
+                return Some((before, before.gap));
             }
             let bodies = &world.bodies;
             let velocities = pair.map(|body| [bodies.velocity[body], bodies.angular_velocity[body]]);
             let after = collider.balls_past(world, &before, velocities, step);
             let is_fast = after.gap > before.gap && after.gap > 0.5 * collider.contact_size(world, &after);
-            (!is_fast).then_some(after)
+            (!is_fast).then_some((after, before.gap))
         };
-        let mut contacts = contacts.into_par_iter().filter_map(past).collect();
+        let found: Vec<(Contact, f64)> = contacts.into_par_iter().filter_map(past).collect();
+        let moved = found.iter().filter(|(contact, before)| contact.gap > *before);
+        let passed = moved.map(|&(contact, gap)| (contact.identity, Passed { gap, times: 0 })).collect();
+        let mut contacts = found.into_iter().map(|(contact, _)| contact).collect();
         leave_covered_out(world, &self.collider, step, &mut contacts);
-        let mut rounds = Rounds::of(contacts);
+        let mut rounds = Rounds { passed, ..Rounds::of(contacts) };
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
         Ok(rounds)
     }

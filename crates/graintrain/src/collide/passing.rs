@@ -249,30 +249,20 @@ impl Collider {
         if contact.gap <= 0.0 {
             return *contact;
         }
-        let [closed, nearest] = self.pass_of_balls(world, contact, velocities, step);
-        let passes = contact.gap < closed && nearest > 0.0;
-        if passes { Contact { gap: closed + nearest, ..*contact } } else { *contact }
-    }
-
-    /// How far two balls that move with these velocities close along the normal of their contact in a step,
-    /// and how near they come in it, m.
-    pub(crate) fn pass_of_balls(
-        &self,
-        world: &World,
-        contact: &Contact,
-        velocities: [[Vec3; 2]; 2],
-        step: f64,
-    ) -> [f64; 2] {
         let ([a, b], image) = self.placed_pair(world, [contact.body_a, contact.body_b]);
         let mut approach = velocities[0][0] - velocities[1][0];
         if let Some(cell) = world.cell().filter(|_| image != [0; 3]) {
             approach -= cell.image_velocity(image);
         }
+        let closed = -step * contact.normal.dot(approach);
+        if contact.gap >= closed {
+            return *contact;
+        }
         let apart = a.position - b.position;
         let radii = [a, b].map(|ball| ball.form.bounding_radius);
-        let time = (-apart.dot(approach) / approach.length_squared()).min(step).max(0.0);
+        let time = (-apart.dot(approach) / approach.length_squared()).min(step);
         let nearest = (apart + time * approach).length() - radii[0] - radii[1];
-        [-step * contact.normal.dot(approach), nearest]
+        if nearest > 0.0 { Contact { gap: closed + nearest, ..*contact } } else { *contact }
     }
 }
 

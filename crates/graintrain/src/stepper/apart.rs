@@ -9,6 +9,7 @@ use super::Stepper;
 use super::attempt::Attempt;
 use super::placement::Placement;
 use super::repetition::Rounds;
+use crate::assemble::velocity_of;
 use crate::cell::Cell;
 use crate::contact::Contact;
 use crate::math::Vec3;
@@ -19,6 +20,10 @@ use hashbrown::HashSet;
 
 /// Bodies nearer than this fraction of the smaller one's size count as together.
 const TOGETHER: f64 = 0.05;
+
+/// Balls whose plane was moved go through each other where they overlap on their way by more than this
+/// fraction of the smaller one's size.
+const THROUGH: f64 = 0.02;
 
 /// How often the plane of two balls is moved out of their way in a step.
 const OFTEN: usize = 2;
@@ -95,8 +100,9 @@ impl Stepper {
         pressing
     }
 
-    /// Those of them that are of two balls, whose planes are to be moved out of their way: what was not seen
-    /// to meet, each so often at most.
+    /// Those of them that are of two balls, with the gaps, m, that have their planes let pass what passes:
+    /// what was not seen to meet, each so often at most. Where friction is relaxed, planes that press part
+    /// bodies; none is moved nearer.
     pub(super) fn passing_balls(
         &self,
         world: &World,
@@ -104,23 +110,72 @@ impl Stepper {
         rounds: &Rounds,
         attempt: &Attempt,
         ahead: &[Contact],
-    ) -> Vec<usize> {
+    ) -> Vec<(usize, f64)> {
         // Planes that gather are left as they are.
         if 2 * rounds.round >= self.parameters.repetition.rounds {
             return Vec::new();
         }
         let is_ball = |body: u32| self.collider.is_ball(world, body as usize);
-        let unmet = self.never_together(world, start, &rounds.contacts, attempt, ahead);
-        let places = unmet.into_iter().map(|(i, _)| i);
-        let may_move = |i: &usize| {
-            let contact = &rounds.contacts[*i];
-            let often = rounds.passed.get(&contact.identity).copied().unwrap_or(0);
-            is_ball(contact.body_a)
-                && is_ball(contact.body_b)
-                && often < OFTEN
-                && rounds.times_met(contact) == 0
+        let moved = |(i, _): (usize, f64)| {
+            let contact = &rounds.contacts[i];
+            let times = rounds.passed.get(&contact.identity).map_or(0, |passed| passed.times);
+            let may_move = is_ball(contact.body_a) && is_ball(contact.body_b) && times < OFTEN;
+            if !may_move || rounds.times_met(contact) > 0 {
+                return None;
+            }
+            let [closed, nearest] = self.pass_of_balls(world, start, attempt, contact);
+            (closed + nearest > contact.gap).then_some((i, closed + nearest))
         };
-        places.filter(may_move).collect()
+        let unmet = self.never_together(world, start, &rounds.contacts, attempt, ahead);
+        unmet.into_iter().filter_map(moved).collect()
+    }
+
+    /// Contacts (places) whose planes were moved and whose balls go through each other now: what else is
+    /// solved with other planes may send them another way.
+    pub(super) fn meeting_balls(
+        &self,
+        world: &World,
+        start: &Placement,
+        rounds: &Rounds,
+        attempt: &Attempt,
+    ) -> Vec<usize> {
+        if rounds.passed.is_empty() {
+            return Vec::new();
+        }
+        let meets = |i: &usize| {
+            let contact = &rounds.contacts[*i];
+            let is_moved =
+                rounds.passed.get(&contact.identity).is_some_and(|passed| passed.gap < contact.gap)
+                    && !rounds.planes.has(contact.identity);
+            is_moved
+                && self.pass_of_balls(world, start, attempt, contact)[1]
+                    < -THROUGH * self.collider.contact_size(world, contact)
+        };
+        (0..rounds.contacts.len()).filter(meets).collect()
+    }
+
+    /// How far two balls that move with the velocities found close along the normal of their contact, and how
+    /// near they come, m. Of `world` only their radii are asked.
+    fn pass_of_balls(
+        &self,
+        world: &World,
+        start: &Placement,
+        attempt: &Attempt,
+        contact: &Contact,
+    ) -> [f64; 2] {
+        let step = self.settings.step;
+        let [a, b] = [contact.body_a, contact.body_b].map(|body| body as usize);
+        let speed = |body: usize| velocity_of(&attempt.velocity, body)[0];
+        let mut apart = start.position[a] - start.position[b];
+        let mut approach = speed(a) - speed(b);
+        if let Some(cell) = attempt.cell.as_ref().filter(|_| contact.image != [0; 3]) {
+            apart -= cell.shift(contact.image);
+            approach -= cell.image_velocity(contact.image);
+        }
+        let radii = [a, b].map(|body| self.collider.body_size(world, body));
+        let time = (-apart.dot(approach) / approach.length_squared()).min(step).max(0.0);
+        let nearest = (apart + time * approach).length() - radii[0] - radii[1];
+        [-step * contact.normal.dot(approach), nearest]
     }
 
     /// Whether the bodies of a contact come nearer than `reach`, m, from where they were at the start of the

@@ -16,7 +16,7 @@ use super::covered::leave_covered_out;
 use super::mobility;
 use super::placement::{Placement, Seen};
 use super::{Made, StepError, Stepper};
-use crate::assemble::{contact_rows, relative_velocities, velocity_of};
+use crate::assemble::{contact_rows, relative_velocities};
 use crate::cell;
 use crate::clock::{Clock, Laps};
 use crate::contact::Contact;
@@ -99,6 +99,11 @@ impl Planes {
         self.gap.get(&identity).map(|gap| gap.min(0.0))
     }
 
+    /// Whether a contact was linearised anew.
+    pub(super) fn has(&self, identity: u64) -> bool {
+        self.count.contains_key(&identity)
+    }
+
     /// Puts `anew`, as [`Stepper::departed`] found them, among the contacts. Returned are the identities that
     /// they have there.
     fn put(&mut self, anew: Vec<Contact>, contacts: &mut Vec<Contact>) -> Vec<u64> {
@@ -134,8 +139,8 @@ pub(super) struct Rounds {
     pub(super) planes: Planes,
     /// Contacts under way that bodies are driven into all the same, by identity.
     pub(super) driven: HashSet<u64>,
-    /// How often the plane of two balls that pass each other was moved out of their way, by identity.
-    pub(super) passed: HashMap<u64, usize>,
+    /// Contacts of two balls whose planes were moved out of their way, by identity.
+    pub(super) passed: HashMap<u64, Passed>,
     /// How often bodies were seen to meet at a contact, by identity; one where they were is not spurious.
     pub(super) met: HashMap<u64, usize>,
     /// Rounds made so far.
@@ -158,6 +163,13 @@ pub(super) struct Rounds {
     pub(super) laps: Laps,
 }
 
+/// A contact of two balls whose plane was moved.
+pub(super) struct Passed {
+    /// Its gap before, m.
+    pub(super) gap: f64,
+    pub(super) times: usize,
+}
+
 impl Rounds {
     pub(super) fn of(contacts: Vec<Contact>) -> Self {
         let overlapping = contacts.iter().filter(|c| c.gap < 0.0);
@@ -178,6 +190,23 @@ impl Rounds {
         let joining = std::mem::take(&mut self.joining);
         self.added += joining.len();
         self.take(joining);
+    }
+
+    /// Moves planes of balls out of their way (places and new gaps), and others back where they were, for
+    /// good.
+    fn move_planes(&mut self, passing: &[(usize, f64)], meeting: &[usize]) {
+        for &(i, gap) in passing {
+            let Contact { identity, gap: own, .. } = &mut self.contacts[i];
+            let passed = self.passed.entry(*identity).or_insert(Passed { gap: *own, times: 0 });
+            passed.times += 1;
+            *own = gap;
+        }
+        for &i in meeting {
+            let Contact { identity, gap, .. } = &mut self.contacts[i];
+            if let Some(passed) = self.passed.get_mut(identity) {
+                (*gap, passed.times) = (passed.gap, usize::MAX);
+            }
+        }
     }
 
     /// Takes what was let go out, without what is among the contacts again, or joins them.
@@ -252,11 +281,11 @@ impl Stepper {
         if rounds.seen[1].is_some() || !rounds.joining.is_empty() {
             let stirred = self.stirred(world, &mut rounds.seen[1]);
             let overlaps = self.collider.overlaps_of(world, &stirred, self.settings.step);
-            again = self.look_again(world, rounds, start, &made.attempt, &overlaps).is_none();
+            again = self.look_again(world, rounds, start, &made.attempt, (&overlaps, false)).is_none();
         }
         if !again {
             made.ahead = self.collider.contacts(world, self.settings.envelope, self.settings.step);
-            let left = self.look_again(world, rounds, start, &made.attempt, &made.ahead);
+            let left = self.look_again(world, rounds, start, &made.attempt, (&made.ahead, true));
             again = left.is_none();
             let known: HashSet<[u32; 2]> = match &left {
                 Some(left) if !left.is_empty() => rounds.contacts.iter().map(Contact::unordered).collect(),
@@ -280,15 +309,15 @@ impl Stepper {
         seen.stirred(world, step, far, |body| collider.sizes(world, body)[1])
     }
 
-    /// What these contacts of the end show: `None` where the step is solved again from `start`, else those
-    /// that overlap without having been a contact of the step.
+    /// What these contacts of the end (whether they are all) show: `None` where the step is solved again from
+    /// `start`, else those that overlap without having been a contact of the step.
     fn look_again(
         &mut self,
         world: &mut World,
         rounds: &mut Rounds,
         start: &Placement,
         attempt: &Attempt,
-        ahead: &[Contact],
+        (ahead, are_all): (&[Contact], bool),
     ) -> Option<Vec<Contact>> {
         let is_last = rounds.round >= self.parameters.repetition.rounds;
         let [deep, mut undetected] = self.deep(world, start, &rounds.contacts, ahead);
@@ -297,9 +326,16 @@ impl Stepper {
             // What bodies meet at the end they may not once they meet those.
             undetected.clear();
         }
-        let departed = if is_last { Vec::new() } else { self.departed(world, start, rounds, attempt, &deep) };
-        let passing = self.passing_balls(world, start, rounds, attempt, ahead);
-        let is_known_again = is_joined || !departed.is_empty() || !passing.is_empty();
+        let (mut departed, mut meeting, mut passing) = (Vec::new(), Vec::new(), Vec::new());
+        if !is_last {
+            meeting = self.meeting_balls(world, start, rounds, attempt);
+            departed = self.departed(world, start, rounds, attempt, &deep);
+            departed.retain(|c| meeting.iter().all(|&i| rounds.contacts[i].identity != c.identity));
+        }
+        if are_all && !is_joined {
+            passing = self.passing_balls(world, start, rounds, attempt, ahead);
+        }
+        let is_known_again = is_joined || !departed.is_empty() || !meeting.is_empty() || !passing.is_empty();
         let (mut new, mut ends) = (Vec::new(), Vec::new());
         if !(undetected.is_empty() || is_last) || is_known_again {
             let carry = |c: &Contact| carried_back(c, world, start, attempt, self.settings.step);
@@ -315,15 +351,7 @@ impl Stepper {
         if new.is_empty() && !is_known_again {
             return Some(undetected);
         }
-        for i in passing {
-            let contact = &mut rounds.contacts[i];
-            let velocities =
-                [contact.body_a, contact.body_b].map(|body| velocity_of(&attempt.velocity, body as usize));
-            let [closed, nearest] =
-                self.collider.pass_of_balls(world, contact, velocities, self.settings.step);
-            contact.gap = closed + nearest;
-            *rounds.passed.entry(contact.identity).or_default() += 1;
-        }
+        rounds.move_planes(&passing, &meeting);
         rounds.added += new.len() + departed.len();
         let departed = rounds.planes.put(departed, &mut rounds.contacts);
         rounds.meet(departed);
