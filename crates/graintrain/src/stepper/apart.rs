@@ -4,6 +4,16 @@
 //! where the bodies were. What is meant is the motion: `g_n > 0` only where the bodies touch at some time of
 //! the step. Whether they did is looked at afterwards, along the motions that the step is made of: with the
 //! velocities before it, those after the impacts, and those of its end.
+//!
+//! Planes of two balls are then moved so far away that they let pass what passed, and the step is solved
+//! again:
+//!
+//! ```text
+//! Phi' = nearest - dt u_n,     nearest = min |x + t u| - r_A - r_B  for 0 <= t <= dt     (x, u: of A relative to B)
+//! ```
+//!
+//! where that is more than Phi. What else is solved then may send the balls onto each other after all: a
+//! plane is back where it was, for good, once they go through each other on their way.
 
 use super::Stepper;
 use super::attempt::Attempt;

@@ -14,8 +14,8 @@
 //!
 //! What joints turn aside goes on as without contacts instead, along the course that they bend ([`bends`]).
 //!
-//! Contacts of two free balls are left alone: they have no seams, and grains that fly past each other are
-//! many.
+//! Contacts of two free balls are left alone here: they have no seams, and those that pass each other have
+//! planes moved (`apart.rs`).
 
 use super::Stepper;
 use super::attempt::Attempt;

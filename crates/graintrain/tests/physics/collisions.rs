@@ -342,6 +342,25 @@ fn balls_that_are_pressed_past_each_other_touch() {
     }
 }
 
+/// With relaxed friction a plane that presses parts the balls that slide along it. That is told; the plane is
+/// not moved nearer, where it would press harder.
+#[test]
+fn relaxed_planes_of_passing_balls_are_not_moved_nearer() {
+    let (radius, step, mu) = (0.1, 1e-3, 0.5);
+    let mut world = world(mu, 0.0);
+    world.gravity = Vec3::ZERO;
+    let a = add_sphere(&mut world, radius, Vec3::new(0.0, 0.0, 2.1 * radius));
+    add_sphere(&mut world, radius, Vec3::ZERO);
+    world.bodies.velocity[a] = radius / step * Vec3::X;
+    let report = stepper(step, 0.03, 1e-8, FrictionModel::Relaxed).step(&mut world).unwrap();
+    assert_eq!(report.contacts_apart, 1, "{report:?}");
+    // Phi + dt u_n = dt mu |u_t| with the gap that there is, in the middle of which the contact lies.
+    let u = world.bodies.velocity[a] - world.bodies.velocity[1];
+    let spin = 1.05 * radius * (world.bodies.angular_velocity[a] + world.bodies.angular_velocity[1]);
+    let slip = (u - spin.cross(Vec3::Z)).with_z(0.0).length();
+    assert!((0.1 * radius + step * u.z - step * mu * slip).abs() < 1e-3 * radius, "{u} {slip}");
+}
+
 /// A ball that would fly past another, but is thrown onto it by a third within the step, hits it: it gets a
 /// push, nothing overlaps, and momentum stays.
 #[test]
