@@ -259,10 +259,19 @@ impl Collider {
             return *contact;
         }
         let apart = a.position - b.position;
-        let radii = [a, b].map(|ball| ball.form.bounding_radius);
-        let time = (-apart.dot(approach) / approach.length_squared()).min(step);
-        let nearest = (apart + time * approach).length() - radii[0] - radii[1];
+        let nearest =
+            Self::nearest_of_balls(apart, approach, [a, b].map(|ball| ball.form.bounding_radius), step);
         if nearest > 0.0 { Contact { gap: closed + nearest, ..*contact } } else { *contact }
+    }
+
+    /// How near two balls of these radii come within `step` seconds, m, negative where they overlap:
+    ///
+    /// ```text
+    /// min |x + t u| - r_A - r_B  for 0 <= t <= dt      (x, u: place and velocity of A relative to B)
+    /// ```
+    pub(crate) fn nearest_of_balls(apart: Vec3, approach: Vec3, radii: [f64; 2], step: f64) -> f64 {
+        let time = (-apart.dot(approach) / approach.length_squared()).min(step).max(0.0);
+        (apart + time * approach).length() - radii[0] - radii[1]
     }
 }
 

@@ -21,6 +21,7 @@ use super::placement::Placement;
 use super::repetition::Rounds;
 use crate::assemble::velocity_of;
 use crate::cell::Cell;
+use crate::collide::Collider;
 use crate::contact::Contact;
 use crate::math::Vec3;
 use crate::world::World;
@@ -183,8 +184,7 @@ impl Stepper {
             approach -= cell.image_velocity(contact.image);
         }
         let radii = [a, b].map(|body| self.collider.body_size(world, body));
-        let time = (-apart.dot(approach) / approach.length_squared()).min(step).max(0.0);
-        let nearest = (apart + time * approach).length() - radii[0] - radii[1];
+        let nearest = Collider::nearest_of_balls(apart, approach, radii, step);
         [-step * contact.normal.dot(approach), nearest]
     }
 

@@ -670,4 +670,15 @@ mod tests {
         assert_eq!(rounds.take_let_go(), [contact(4)]);
         assert!(rounds.let_go.is_empty());
     }
+
+    #[test]
+    fn a_moved_plane_goes_back_to_where_it_first_was() {
+        let mut rounds = Rounds::of([1, 2].map(contact).to_vec());
+        rounds.move_planes(&[(1, 0.2)], &[]);
+        rounds.move_planes(&[(1, 0.3)], &[]);
+        let gaps = |rounds: &Rounds| [rounds.contacts[0].gap, rounds.contacts[1].gap];
+        assert_eq!((gaps(&rounds), rounds.passed[&2].times), ([0.1, 0.3], 2));
+        rounds.move_planes(&[], &[1]);
+        assert_eq!((gaps(&rounds), rounds.passed[&2].times), ([0.1, 0.1], usize::MAX));
+    }
 }
