@@ -48,7 +48,6 @@ use crate::joint::mechanism::{coupled_in_impacts, driven_in_place};
 use crate::load;
 use crate::math::Vec3;
 use crate::parts::{Part, parts};
-use crate::stepper::RepetitionParameters as Repetition;
 use crate::world::World;
 use graintrain_ccp::{
     BodyInverseMass, Ccp, CcpError, CcpSolver, CoupledBodies, Delassus, FrictionModel, Residual,
@@ -135,7 +134,10 @@ struct Laws<'a> {
 pub(crate) struct ImpactSolver<'a> {
     pub solver: &'a mut dyn CcpSolver,
     pub collider: &'a Collider,
-    pub repetition: &'a Repetition,
+    /// See [`crate::stepper::RepetitionParameters::spurious`].
+    pub spurious: f64,
+    /// What bodies may overlap by unseen, as a fraction of the smaller one's size.
+    pub unseen: f64,
     pub parameters: &'a Parameters,
     pub friction: FrictionModel,
     /// Contacts that were seen to be met, by identity.

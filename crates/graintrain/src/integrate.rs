@@ -96,6 +96,16 @@ fn body_free_velocity(world: &World, before: &[f64], body: usize, step: f64) -> 
     (linear, angular)
 }
 
+/// Velocity and angular velocity of a body with its prescribed degrees of freedom as they are, in the mean,
+/// in a step from `time` on that begins where it is now.
+pub(crate) fn driven_velocity(world: &World, body: usize, time: f64, step: f64) -> [Vec3; 2] {
+    let bodies = &world.bodies;
+    let motion = &world.motions[bodies.motion[body].index()];
+    let (u, w) = motion.mean_velocity(bodies.position[body], bodies.orientation[body], time, step);
+    let [x, y, z, rx, ry, rz] = motion.free;
+    [select([x, y, z], bodies.velocity[body], u), select([rx, ry, rz], bodies.angular_velocity[body], w)]
+}
+
 /// Derivatives of the velocities of [`free_velocity`] of one body: by its velocity (a diagonal), by its
 /// angular velocity, and by the external torque, N m; that by the external force is `step / mass` along the
 /// dynamic axes. Zero for what is prescribed.

@@ -27,7 +27,7 @@ use self::attempt::Attempt;
 use self::covered::leave_covered_out;
 use self::error::{cell_error, check_drives, check_state};
 use self::flight::courses;
-use self::placement::Placement;
+use self::placement::{Driven, Placement};
 use self::repetition::{Passed, Rounds};
 use crate::assemble::of_each;
 use crate::cell;
@@ -187,11 +187,14 @@ impl Stepper {
     /// The step under the forces that bodies now have, line by line as ARCHITECTURE.md has it.
     fn step_under(&mut self, world: &mut World) -> Result<StepReport, StepError> {
         let step = self.settings.step;
-        let mut rounds = self.first_round(world)?;
+        let time = world.time;
+        let mut rounds = self.as_driven(world, time, Self::first_round)?;
         let start = Placement::of(world);
         let mut last = None;
         loop {
-            lead_to_surfaces(world, &self.collider, step, &mut rounds.contacts);
+            self.as_driven(world, time, |stepper, world| {
+                lead_to_surfaces(world, &stepper.collider, step, &mut rounds.contacts);
+            });
             let attempt = self.attempt(world, &mut rounds, last.take())?;
             if self.check_velocities(world, &mut rounds, &attempt)? {
                 last = Some(attempt);
@@ -211,6 +214,15 @@ impl Stepper {
             self.remove_unforeseen(world, &mut rounds, &start, &mut made);
             return Ok(self.finish(world, rounds, &start, made));
         }
+    }
+
+    /// What is found with driven bodies as fast as they are in the step that begins at `time`.
+    fn as_driven<T>(&mut self, world: &mut World, time: f64, find: impl FnOnce(&mut Self, &World) -> T) -> T {
+        let mut driven = Driven::of(world, time, self.settings.step);
+        driven.exchange(world);
+        let found = find(self, world);
+        driven.exchange(world);
+        found
     }
 
     /// The contacts of the state that a step starts from.
@@ -257,8 +269,8 @@ impl Stepper {
         motion: (&[f64], &[f64]),
         bends: &[Vec3],
     ) -> Vec<Contact> {
-        let RepetitionParameters { undetected, spurious, .. } = self.parameters.repetition;
-        self.collider.flown_past(world, contacts, (motion, bends), self.settings.step, [undetected, spurious])
+        let allowed = [self.unseen(), self.parameters.repetition.spurious];
+        self.collider.flown_past(world, contacts, (motion, bends), self.settings.step, allowed)
     }
 
     /// Moves the bodies as the solve says, removes overlap that it foresaw, closes joints, and finds the

@@ -5,7 +5,6 @@ use super::{ImpactSolver, Motion, SAME_TIME};
 use crate::collide::Course;
 use crate::contact::Contact;
 use crate::math::Vec3;
-use crate::stepper::RepetitionParameters as Repetition;
 use crate::world::World;
 use graintrain_ccp::CoupledBodies;
 use hashbrown::HashSet;
@@ -23,7 +22,6 @@ impl ImpactSolver<'_> {
         mut of: Vec<u32>,
         step: f64,
     ) -> Vec<u32> {
-        let Repetition { spurious, undetected, .. } = *self.repetition;
         // Ways to look at: the pair, whether it falls, and the overlap that its contacts allow.
         let mut ways: Vec<([u32; 2], bool, f64, u32)> = Vec::new();
         for &index in &of {
@@ -36,7 +34,7 @@ impl ImpactSolver<'_> {
             let [now, later] = motion.normal(index as usize).map(|u| contact.gap + step * u);
             let (foreseen, falls) = if now < 0.0 { (now, false) } else { (later, true) };
             let size = self.collider.contact_size(world, contact);
-            ways.push((pair, falls, (-spurious * foreseen).min(undetected * size), index));
+            ways.push((pair, falls, (-self.spurious * foreseen).min(self.unseen * size), index));
         }
         ways.sort_by(|a, b| (a.0, a.1).cmp(&(b.0, b.1)).then(a.2.total_cmp(&b.2)));
         let mut passing = HashSet::new();
@@ -85,7 +83,7 @@ impl ImpactSolver<'_> {
                 continue;
             };
             let best = apart.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            let seen = self.repetition.undetected * self.collider.contact_size(world, contact(&group[0]));
+            let seen = self.unseen * self.collider.contact_size(world, contact(&group[0]));
             let parts = group.iter().zip(apart).filter(|(_, apart)| *apart < best - seen);
             aside.extend(parts.map(|(i, _)| *i));
         }

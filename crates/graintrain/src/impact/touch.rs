@@ -82,13 +82,22 @@ impl Impacts {
 
     /// Puts the points of contacts where they were when their bodies began the step as they go on.
     pub(crate) fn carry(&self, contacts: &mut [Contact]) {
+        self.carry_by(contacts, 0.5);
+    }
+
+    /// Puts the points of contacts of bodies that were [put on](Self::put_on) where they are on the bodies.
+    pub(crate) fn carry_back(&self, contacts: &mut [Contact]) {
+        self.carry_by(contacts, -0.5);
+    }
+
+    fn carry_by(&self, contacts: &mut [Contact], half: f64) {
         if self.shift.is_empty() {
             return;
         }
         for contact in contacts {
             let [a, b] = [contact.body_a, contact.body_b].map(|body| self.shift_of(body));
-            contact.point += 0.5 * (a + b);
-            contact.lead += 0.5 * (a - b);
+            contact.point += half * (a + b);
+            contact.lead += half * (a - b);
         }
     }
 }

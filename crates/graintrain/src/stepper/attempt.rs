@@ -348,10 +348,12 @@ impl Stepper {
         of: Rows<'_>,
         met: &HashMap<u64, usize>,
     ) -> Result<Impacts, StepError> {
+        let unseen = self.unseen();
         let mut impacts = ImpactSolver {
             solver: self.impacts.as_mut(),
             collider: &self.collider,
-            repetition: &self.parameters.repetition,
+            spurious: self.parameters.repetition.spurious,
+            unseen,
             parameters: &self.parameters.impacts,
             friction: self.settings.solver.friction,
             met,

@@ -138,7 +138,10 @@ impl Stepper {
             correction.add(Some(displacement));
             correction.add(drift::close(world, &attempt.joints.states, step));
             let moved: Vec<bool> = poses(world).iter().zip(&before).map(|(now, old)| now != old).collect();
-            *ahead = self.collider.contacts_again(world, (ahead, &moved), self.settings.envelope, step);
+            let envelope = self.settings.envelope;
+            *ahead = self.as_driven(world, after(world.time, step), |stepper, world| {
+                stepper.collider.contacts_again(world, (ahead, &moved), envelope, step)
+            });
         }
         rounds.laps.add(|phases| &mut phases.collide, begin.lap());
     }
@@ -244,7 +247,9 @@ impl Stepper {
         world.time = after(world.time, step);
         world.step += 1;
         // A search that was stopped has found a part of them.
-        self.ahead = self.go_on().is_ok().then(|| (world.fingerprint(), ahead));
+        let time = world.time;
+        let state = self.as_driven(world, time, |_, world| world.fingerprint());
+        self.ahead = self.go_on().is_ok().then_some((state, ahead));
         laps.add(|phases| &mut phases.integrate, begin.lap());
         let (phases, processor) = laps.seconds();
         self.last = Some((posed.unwrap_or(problem), impulse));
@@ -397,7 +402,7 @@ fn exerted(world: &World, contacts: Vec<Contact>, attempt: &Attempt) -> (Contact
 
 /// The time a step after `time`, s: where that is a whole number of steps from zero, their product, so that
 /// no sum of rounded steps drifts; where the step is 1 / n s, the quotient: 9 steps of 1 ms are 0.009 s.
-fn after(time: f64, step: f64) -> f64 {
+pub(super) fn after(time: f64, step: f64) -> f64 {
     let sum = time + step;
     let (count, rate) = ((sum / step).round(), (1.0 / step).round());
     if (count * step - sum).abs() > 1e-6 * step {

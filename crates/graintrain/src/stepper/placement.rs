@@ -1,7 +1,7 @@
 //! Where bodies are and how they move: what a step changes of them and puts back when it is made again.
 
 use crate::cell::Cell;
-use crate::integrate::velocities;
+use crate::integrate::{driven_velocity, velocities};
 use crate::math::{Quat, Vec3};
 use crate::world::World;
 
@@ -45,6 +45,27 @@ impl Placement {
         bodies.angular_velocity.copy_from_slice(&self.angular_velocity);
         world.cell.clone_from(&self.cell);
         before
+    }
+}
+
+/// Velocities of the bodies that are driven: what they meet in a step depends on how they move in it, not on
+/// how they moved before.
+pub(super) struct Driven(Vec<(usize, [Vec3; 2])>);
+
+impl Driven {
+    /// In a step from `time` on.
+    pub(super) fn of(world: &World, time: f64, step: f64) -> Self {
+        let driven = (0..world.bodies.len()).filter(|&body| !world.is_free(body));
+        Self(driven.map(|body| (body, driven_velocity(world, body, time, step))).collect())
+    }
+
+    /// Puts them in the place of those that the bodies have, which are kept here.
+    pub(super) fn exchange(&mut self, world: &mut World) {
+        let bodies = &mut world.bodies;
+        for (body, [velocity, spin]) in &mut self.0 {
+            std::mem::swap(velocity, &mut bodies.velocity[*body]);
+            std::mem::swap(spin, &mut bodies.angular_velocity[*body]);
+        }
     }
 }
 

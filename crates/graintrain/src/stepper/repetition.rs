@@ -13,9 +13,10 @@
 use super::attempt::Attempt;
 use super::bend::bends;
 use super::covered::leave_covered_out;
+use super::finish::after;
 use super::mobility;
 use super::placement::{Placement, Seen};
-use super::{Made, StepError, Stepper};
+use super::{Made, StepError, StepSettings, Stepper};
 use crate::assemble::{contact_rows, relative_velocities};
 use crate::cell;
 use crate::clock::{Clock, Laps};
@@ -29,10 +30,8 @@ use rayon::prelude::*;
 /// `tests/physics/repetition.rs`.
 #[derive(Clone, Debug)]
 pub struct Parameters {
-    /// Bodies that end inside each other by more than this fraction of the smaller one's size without having
-    /// been in contact make a new round.
-    pub undetected: f64,
-    /// They have been in contact there if one of theirs lay within this fraction of the smaller one's size:
+    /// Bodies that end inside each other without having been in contact make a new round; they have been in
+    /// contact there if one of theirs lay within this fraction of the smaller one's size:
     /// of corners and edges that lie over one another, rounding makes now one contact, now another.
     pub same_place: f64,
     /// A contact that ends in overlap by more than this fraction of the smaller body's size, and by so much
@@ -55,15 +54,7 @@ pub struct Parameters {
 
 impl Default for Parameters {
     fn default() -> Self {
-        Self {
-            undetected: 5e-4,
-            same_place: 1e-2,
-            departure: 5e-3,
-            spurious: 0.2,
-            fallen: 0.1,
-            rounds: 30,
-            joint_rounds: 12,
-        }
+        Self { same_place: 1e-2, departure: 5e-3, spurious: 0.2, fallen: 0.1, rounds: 30, joint_rounds: 12 }
     }
 }
 
@@ -219,9 +210,13 @@ impl Rounds {
         let_go
     }
 
-    /// Puts contacts at which bodies meet among those of the step.
-    pub(super) fn take(&mut self, met: Vec<Contact>) {
+    /// Puts contacts at which bodies meet among those of the step, where they are not yet.
+    pub(super) fn take(&mut self, mut met: Vec<Contact>) {
         self.meet(met.iter().map(|c| c.identity));
+        if !met.is_empty() {
+            let known = identities(&self.contacts);
+            met.retain(|c| !known.contains(&c.identity));
+        }
         self.contacts.extend(met);
     }
 
@@ -284,7 +279,10 @@ impl Stepper {
             again = self.look_again(world, rounds, start, &made.attempt, (&overlaps, false)).is_none();
         }
         if !again {
-            made.ahead = self.collider.contacts(world, self.settings.envelope, self.settings.step);
+            let StepSettings { envelope, step, .. } = self.settings;
+            made.ahead = self.as_driven(world, after(world.time, step), |stepper, world| {
+                stepper.collider.contacts(world, envelope, step)
+            });
             let left = self.look_again(world, rounds, start, &made.attempt, (&made.ahead, true));
             again = left.is_none();
             let known: HashSet<[u32; 2]> = match &left {
@@ -298,6 +296,12 @@ impl Stepper {
         again
     }
 
+    /// What bodies may overlap by unseen, as a fraction of the smaller one's size: no more than what is left
+    /// of overlap that was seen.
+    pub(super) fn unseen(&self) -> f64 {
+        self.parameters.overlap.trigger(self.settings.solver.tolerance)
+    }
+
     /// Which bodies are to be looked at again: what goes another way by less than what may overlap unseen, or
     /// than a solve to the tolerance leaves open, meets nothing else.
     fn stirred(&self, world: &World, seen: &mut Seen) -> Vec<bool> {
@@ -305,7 +309,7 @@ impl Stepper {
         let least = (0..world.bodies.len()).map(|body| collider.sizes(world, body)[0]);
         let least = Some(least.fold(f64::INFINITY, f64::min)).filter(|least| least.is_finite());
         let left = NOISE * self.settings.solver.tolerance * world.gravity.length() * step * step;
-        let far = left.max(self.parameters.repetition.undetected * least.unwrap_or(0.0));
+        let far = left.max(self.unseen() * least.unwrap_or(0.0));
         seen.stirred(world, step, far, |body| collider.sizes(world, body)[1])
     }
 
@@ -380,7 +384,7 @@ impl Stepper {
             if attempt.immobile.binary_search(i).is_ok() {
                 return mobility::approaches(&rows[*i as usize], &[end / step, t1, t2], step);
             }
-            end < -self.parameters.repetition.undetected * self.collider.contact_size(world, contact)
+            end < -self.unseen() * self.collider.contact_size(world, contact)
         };
         (0..contacts.len() as u32)
             .filter(|i| attempt.active.binary_search(i).is_err())
@@ -415,12 +419,21 @@ impl Stepper {
         attempt.impacts.put_on(world);
         let stirred = self.stirred(world, &mut rounds.seen[0]);
         let contacts = &rounds.contacts;
-        let undetected = self.parameters.repetition.undetected;
-        let ahead = self.collider.meetings_of(world, &stirred, step);
+        let unseen = self.unseen();
+        let mut ahead = self.collider.meetings_of(world, &stirred, step);
+        for contact in &mut ahead {
+            *contact = self.collider.arrival_of_balls(world, contact, step).unwrap_or(*contact);
+        }
         let rows = contact_rows(world, &ahead);
         let u = relative_velocities(attempt.cell.as_ref(), &ahead, &rows, &attempt.velocity);
         let past = self.flown_past(world, &ahead, (&attempt.velocity, &u), &bends);
-        let known = identities(contacts);
+        let mut known = identities(contacts);
+        // Planes that were moved out of the way of bodies that went another way then.
+        for (posed, own) in attempt.posed_with(contacts).iter().zip(contacts) {
+            if posed.gap > own.gap {
+                known.remove(&own.identity);
+            }
+        }
         let cores = self.cores(world, contacts, &known);
         before.exchange(world);
         let meets = |((c, u), past): ((Contact, &[f64]), Contact)| {
@@ -431,7 +444,7 @@ impl Stepper {
             }
             let size = self.collider.contact_size(world, &c);
             let is_new = past.gap == c.gap && !known.contains(&c.identity);
-            (is_new && c.gap.max(0.0) + step * u[0] < -undetected * size).then_some(c)
+            (is_new && c.gap.max(0.0) + step * u[0] < -unseen * size).then_some(c)
         };
         let found = ahead.into_iter().zip(u.chunks_exact(3)).zip(past);
         let mut closed: Vec<Contact> = found.filter_map(meets).collect();
@@ -440,6 +453,7 @@ impl Stepper {
             leave_covered_out(world, &self.collider, step, &mut all);
             closed.retain(|c| all.contains(c));
         }
+        attempt.impacts.carry_back(&mut closed);
         closed.extend(cores);
         closed
     }
@@ -470,8 +484,8 @@ impl Stepper {
         ahead: &[Contact],
     ) -> [Vec<Contact>; 2] {
         let collider = &self.collider;
-        let undetected = self.parameters.repetition.undetected;
-        let is_deep = |c: &&Contact| -c.gap > undetected * collider.contact_size(world, c);
+        let unseen = self.unseen();
+        let is_deep = |c: &&Contact| -c.gap > unseen * collider.contact_size(world, c);
         let deep: Vec<Contact> = ahead.par_iter().filter(is_deep).copied().collect();
         if deep.is_empty() {
             return [deep, Vec::new()];

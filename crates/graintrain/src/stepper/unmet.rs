@@ -166,6 +166,7 @@ impl Stepper {
         Ways {
             collider,
             repetition,
+            unseen: self.unseen(),
             step: self.settings.step,
             world,
             attempt,
@@ -179,6 +180,8 @@ impl Stepper {
 struct Ways<'a> {
     collider: &'a Collider,
     repetition: &'a Repetition,
+    /// See [`Stepper::unseen`].
+    unseen: f64,
     step: f64,
     world: &'a World,
     attempt: &'a Attempt,
@@ -190,7 +193,7 @@ struct Ways<'a> {
 impl Ways<'_> {
     /// What two bodies with these contacts may overlap by unseen, m.
     fn unseen(&self, contacts: &[Contact]) -> f64 {
-        self.repetition.undetected * self.collider.contact_size(self.world, &contacts[0])
+        self.unseen * self.collider.contact_size(self.world, &contacts[0])
     }
 
     /// The course of a body that ends the step with these velocities: joints turn it aside on the way as they

@@ -65,6 +65,39 @@ fn a_wheel_that_translates_and_turns_goes_straight() {
     }
 }
 
+/// What a driven plate meets in a step depends on how fast it is in that step, not on how fast it was before:
+/// it starts, is under way, or stops in front of a ball that comes after it.
+#[test]
+fn a_driven_plate_meets_what_its_motion_in_the_step_leads_to() {
+    for (model, step) in [(BOTH[0], 10e-3), (BOTH[1], 10e-3), (BOTH[1], 2e-3)] {
+        let times = vec![0.0, 0.1, 0.1 + 1e-9, 0.3, 0.3 + 1e-9];
+        let profile = Profile::Table { times, values: vec![0.0, 0.0, 50.0, 50.0, 0.0] };
+        for (place, velocity, is_ahead) in [(0.27, 0.0, true), (5.3, 0.0, true), (-0.27, 50.0, false)] {
+            let mut world = world(0.3, 0.0);
+            world.gravity = Vec3::ZERO;
+            let plate = world.add_geometry(Geometry::cuboid(Vec3::new(2.0, 2.0, 0.0005)).unwrap());
+            let motion = world.add_motion(Motion::translating(Vec3::Z, profile.clone())).unwrap();
+            let at = Body::new(plate, MaterialId::default(), -0.0005 * Vec3::Z);
+            let plate = world.add_body(Body { motion, ..at }).unwrap().index();
+            let ball = add_sphere(&mut world, 0.02, Vec3::new(0.3, 0.2, place));
+            // What comes after the plate arrives as it has stopped.
+            let wait = if is_ahead { 0.0 } else { 0.1 };
+            world.bodies.velocity[ball] = velocity * Vec3::Z;
+            world.bodies.position[ball].z -= wait * velocity;
+            let mut stepper = stepper(step, model);
+            for _ in 0..(0.5 / step).round() as usize {
+                let report = stepper.step(&mut world).unwrap();
+                assert!(report.solve.converged(), "{report:?}");
+            }
+            let [ball, plate] =
+                [ball, plate].map(|body| (world.bodies.position[body].z, world.bodies.velocity[body].z));
+            assert_eq!(ball.0 > plate.0, is_ahead, "{model:?} {step} s, from {place}: {ball:?} {plate:?}");
+            let expected = if is_ahead { 50.0 } else { 0.0 };
+            assert!((ball.1 - expected).abs() < 1e-6, "{model:?} {step} s, from {place}: {ball:?} {plate:?}");
+        }
+    }
+}
+
 /// With its rate prescribed and its path free, friction takes a wheel along until speed = radius x rate, to
 /// the accuracy of the solve.
 #[test]

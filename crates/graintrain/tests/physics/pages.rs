@@ -23,8 +23,7 @@ fn pages_have_the_constants_of_a_step() {
                 count(parts.many)
             ),
             format!("up to {} times (`stepper/repetition.rs`)", repetition.rounds),
-            format!("more than {:e} of the smaller one's size without a contact", repetition.undetected),
-            format!("a contact within {:e} of it there", repetition.same_place),
+            format!("a contact within {:e} of the smaller one's size there", repetition.same_place),
             format!("larger by {:e} of the size than predicted", repetition.departure),
             format!("at more than {} a dt is an impact", impacts.resting),
             format!("up to {} passes", impacts.passes),
