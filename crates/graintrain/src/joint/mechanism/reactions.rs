@@ -7,7 +7,7 @@ use crate::math::Vec3;
 use graintrain_ccp::Residual;
 
 /// What only holds gives a mechanism no more than this share of its energy, or of that of a free fall.
-const GAINED: f64 = 0.25;
+const GAINED: f64 = 0.1;
 
 /// What joints did in a step.
 #[derive(Clone, Debug, Default)]
