@@ -42,7 +42,7 @@ use crate::cell::{COMPONENTS, Cell, moved_mass};
 use crate::cell_problem::CellRows;
 use crate::collide::Collider;
 use crate::contact::Contact;
-use crate::integrate::{free_velocity, free_velocity_of, velocities};
+use crate::integrate::{free_velocity, free_velocity_of, velocities, with_driven};
 use crate::joint::Motor;
 use crate::joint::mechanism::{coupled_in_impacts, driven_in_place};
 use crate::load;
@@ -367,7 +367,7 @@ fn along_joints(world: &World, velocity: &mut [f64], step: f64) -> (Vec<CoupledB
     if world.joints().is_empty() {
         return Default::default();
     }
-    let mut along = with_driven(world, velocity, &free_velocity(world, velocity, step));
+    let mut along = with_driven(world, velocity, step);
     let coupled = coupled_in_impacts(world, &mut along, step);
     let bodies = coupled.iter().flat_map(|mechanism| &mechanism.bodies);
     let projected = bodies
@@ -413,7 +413,7 @@ impl Motion {
         step: f64,
     ) -> Self {
         let free = free_velocity(world, velocity, step);
-        let mut driven = with_driven(world, velocity, &free);
+        let mut driven = with_driven(world, velocity, step);
         let mut falling = free.clone();
         if !coupled.is_empty() {
             coupled_in_impacts(world, &mut falling, step);
@@ -588,20 +588,6 @@ fn at_start(e: f64, u: f64, fall: f64) -> f64 {
         return e;
     }
     (e * e - (1.0 - e * e) * 2.0 * fall / (u * u)).clamp(0.0, 1.0).sqrt()
-}
-
-/// Velocities with those of prescribed degrees of freedom taken from `free`: the ones that hold during this
-/// step.
-fn with_driven(world: &World, before: &[f64], free: &[f64]) -> Vec<f64> {
-    let mut velocity = before.to_vec();
-    for body in (0..world.bodies.len()).filter(|&body| !world.is_free(body)) {
-        for (k, dynamic) in world.free_degrees(body).into_iter().enumerate() {
-            if !dynamic {
-                velocity[6 * body + k] = free[6 * body + k];
-            }
-        }
-    }
-    velocity
 }
 
 /// Kinetic energy that impulses g add where contacts had the velocities u and get u + N g, g . u + 1/2 g . N

@@ -106,6 +106,18 @@ pub(crate) fn driven_velocity(world: &World, body: usize, time: f64, step: f64) 
     [select([x, y, z], bodies.velocity[body], u), select([rx, ry, rz], bodies.angular_velocity[body], w)]
 }
 
+/// Velocities (six numbers per body) with those of prescribed degrees of freedom as they are in this step.
+pub(crate) fn with_driven(world: &World, before: &[f64], step: f64) -> Vec<f64> {
+    let mut velocity = before.to_vec();
+    for body in (0..world.bodies.len()).filter(|&body| !world.is_free(body)) {
+        let driven = driven_velocity(world, body, world.time, step);
+        let driven = driven.iter().flat_map(|part| part.to_array());
+        let own = velocity[6 * body..6 * body + 6].iter_mut().zip(driven).zip(world.free_degrees(body));
+        own.filter(|(_, is_free)| !is_free).for_each(|((own, driven), _)| *own = driven);
+    }
+    velocity
+}
+
 /// Derivatives of the velocities of [`free_velocity`] of one body: by its velocity (a diagonal), by its
 /// angular velocity, and by the external torque, N m; that by the external force is `step / mass` along the
 /// dynamic axes. Zero for what is prescribed.

@@ -19,7 +19,7 @@ use crate::cell::Cell;
 use crate::collide::Collider;
 use crate::contact::Contact;
 use crate::elasticity;
-use crate::integrate::velocities;
+use crate::integrate::{velocities, with_driven};
 use crate::load;
 use crate::math::Vec3;
 use crate::rotation::{is_isotropic, turned};
@@ -82,23 +82,23 @@ impl Impacts {
 
     /// Puts the points of contacts where they were when their bodies began the step as they go on.
     pub(crate) fn carry(&self, contacts: &mut [Contact]) {
-        self.carry_by(contacts, 0.5);
-    }
-
-    /// Puts the points of contacts of bodies that were [put on](Self::put_on) where they are on the bodies.
-    pub(crate) fn carry_back(&self, contacts: &mut [Contact]) {
-        self.carry_by(contacts, -0.5);
-    }
-
-    fn carry_by(&self, contacts: &mut [Contact], half: f64) {
         if self.shift.is_empty() {
             return;
         }
         for contact in contacts {
             let [a, b] = [contact.body_a, contact.body_b].map(|body| self.shift_of(body));
-            contact.point += half * (a + b);
-            contact.lead += half * (a - b);
+            contact.point += 0.5 * (a + b);
+            contact.lead += 0.5 * (a - b);
         }
+    }
+
+    /// Makes a contact of bodies that were [put on](Self::put_on) that of where they are, along the same
+    /// normal.
+    pub(crate) fn carry_back(&self, contact: &mut Contact) {
+        let [a, b] = [contact.body_a, contact.body_b].map(|body| self.shift_of(body));
+        contact.point -= 0.5 * (a + b);
+        contact.lead -= 0.5 * (a - b);
+        contact.gap -= contact.normal.dot(a - b);
     }
 }
 
@@ -116,7 +116,7 @@ pub(super) fn timed(
     if !all.contains(&true) {
         return Vec::new();
     }
-    let velocity = velocities(world);
+    let velocity = with_driven(world, &velocities(world), step);
     let material = |body: u32| world.bodies.material[body as usize].index();
     for ((is_timed, contact), e) in all.iter_mut().zip(contacts).zip(restitution) {
         if *is_timed && *e == 0.0 {

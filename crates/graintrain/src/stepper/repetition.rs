@@ -179,8 +179,9 @@ impl Rounds {
     /// Puts what bodies meet on their way among the contacts.
     fn join(&mut self) {
         let joining = std::mem::take(&mut self.joining);
-        self.added += joining.len();
+        let before = self.contacts.len();
         self.take(joining);
+        self.added += self.contacts.len() - before;
     }
 
     /// Moves planes of balls out of their way (places and new gaps), and others back where they were, for
@@ -448,12 +449,12 @@ impl Stepper {
         };
         let found = ahead.into_iter().zip(u.chunks_exact(3)).zip(past);
         let mut closed: Vec<Contact> = found.filter_map(meets).collect();
+        closed.iter_mut().for_each(|contact| attempt.impacts.carry_back(contact));
         if !closed.is_empty() {
             let mut all = [&contacts[..], &closed].concat();
             leave_covered_out(world, &self.collider, step, &mut all);
             closed.retain(|c| all.contains(c));
         }
-        attempt.impacts.carry_back(&mut closed);
         closed.extend(cores);
         closed
     }

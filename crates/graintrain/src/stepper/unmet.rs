@@ -26,7 +26,7 @@ use crate::assemble::{contact_rows, velocity_of};
 use crate::cell;
 use crate::collide::{Collider, Course};
 use crate::contact::Contact;
-use crate::integrate::velocities;
+use crate::integrate::{velocities, with_driven};
 use crate::math::Vec3;
 use crate::world::World;
 use graintrain_ccp::RigidContact;
@@ -122,7 +122,7 @@ impl Stepper {
         let mut places: Vec<usize> = (0..contacts.len()).filter(|&i| pairs.contains(&pair(i))).collect();
         places.sort_by_key(|&i| (pair(i), i));
         // Joints turn aside what they hold: it does not go on as before.
-        let mut before = velocities(world);
+        let mut before = with_driven(world, &velocities(world), self.settings.step);
         for (body, _) in ways.is_jointed.iter().enumerate().filter(|(_, is_jointed)| **is_jointed) {
             before[6 * body..6 * body + 6].copy_from_slice(&attempt.free[6 * body..6 * body + 6]);
         }

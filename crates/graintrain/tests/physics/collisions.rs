@@ -433,6 +433,29 @@ fn balls_meet_what_they_are_deflected_to_in_the_same_step() {
     }
 }
 
+/// A light ball at rest is thrown against a thin ceiling by a heavy one, from where that touches it, not from
+/// where it would have come from with that speed.
+#[test]
+fn what_is_thrown_against_a_ceiling_within_a_step_stays_below_it() {
+    for k in 0..40 {
+        let restitution = [0.0, 0.3, 0.5, 1.0][k as usize % 4];
+        let mut world = world(0.0, restitution);
+        world.gravity = Vec3::ZERO;
+        let plate = world.add_geometry(Geometry::cuboid(Vec3::new(0.5, 0.5, 0.001)).unwrap());
+        let motion = world.add_motion(Motion::fixed()).unwrap();
+        let ceiling = Body::new(plate, MaterialId::default(), 1.001 * Vec3::Z);
+        world.add_body(Body { motion, ..ceiling }).unwrap();
+        let aside = 0.03 * (scattered(k, 0.2) - 0.5) * Vec3::X;
+        let heavy = add_sphere(&mut world, 0.045, (0.55 + 0.1 * scattered(k, 0.6)) * Vec3::Z);
+        let light = add_sphere(&mut world, 0.02, 0.87 * Vec3::Z + aside);
+        world.bodies.velocity[heavy] = 32.0 * Vec3::Z;
+        let settings = StepSettings { step: 10e-3, ..StepSettings::default() };
+        run(&mut Stepper::new(settings).unwrap(), &mut world, 3);
+        let [heavy, light] = [heavy, light].map(|body| world.bodies.position[body].z);
+        assert!(heavy < 1.0 && light < 1.0, "{k}: {heavy} {light}");
+    }
+}
+
 /// Balls that cross a box of six plates many times in a step, plastic or elastic, stay in it.
 #[test]
 fn balls_that_cross_a_box_of_plates_in_a_step_stay_in_it() {
