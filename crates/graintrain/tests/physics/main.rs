@@ -5,6 +5,7 @@ mod cells;
 mod chains;
 mod collisions;
 mod confined;
+mod deflections;
 mod drives;
 mod elasticity;
 mod energy;

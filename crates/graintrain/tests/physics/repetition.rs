@@ -20,8 +20,8 @@ fn default_stepper(step: f64, friction: FrictionModel) -> Stepper {
 }
 
 /// A number in [-1, 1] of a sequence without order (the golden ratio's multiples).
-fn scattered(k: usize) -> f64 {
-    2.0 * (0.618_033_988_749_894_9 * k as f64).fract() - 1.0
+fn centred(k: usize) -> f64 {
+    2.0 * scattered(k as u32, 0.0) - 1.0
 }
 
 /// A ball and a box with another one on top slide at 1.5 m/s over nine seams of fixed tiles without friction:
@@ -66,8 +66,8 @@ fn balls_and_boxes_that_fall_in_a_heap_do_not_enter_each_other() {
         let ball = world.add_geometry(Geometry::sphere(0.05).unwrap());
         let block = world.add_geometry(Geometry::cuboid(Vec3::new(0.05, 0.04, 0.03)).unwrap());
         for k in 0..30 {
-            let place = Vec3::new(0.1 * scattered(3 * k), 0.1 * scattered(3 * k + 1), 0.1 + 0.12 * k as f64);
-            let orientation = rotation_exponential(Vec3::new(1.0, 2.0, 3.0) * scattered(3 * k + 2));
+            let place = Vec3::new(0.1 * centred(3 * k), 0.1 * centred(3 * k + 1), 0.1 + 0.12 * k as f64);
+            let orientation = rotation_exponential(Vec3::new(1.0, 2.0, 3.0) * centred(3 * k + 2));
             let form = if k % 3 == 0 { block } else { ball };
             world.add_body(Body { orientation, ..Body::new(form, MaterialId::default(), place) }).unwrap();
         }
@@ -97,7 +97,7 @@ fn an_elastic_gas_of_boxes_and_capsules_does_not_overlap() {
     let capsule = world.add_geometry(Geometry::capsule(0.015, 0.02).unwrap());
     for k in 0..27 {
         let place = 0.12 * Vec3::new((k % 3) as f64 - 1.0, (k / 3 % 3) as f64 - 1.0, (k / 9) as f64 - 1.0);
-        let random = |first: usize| Vec3::new(scattered(first), scattered(first + 1), scattered(first + 2));
+        let random = |first: usize| Vec3::new(centred(first), centred(first + 1), centred(first + 2));
         let form = if k % 2 == 0 { block } else { capsule };
         let (velocity, angular_velocity) = (4.0 * random(7 * k), 30.0 * random(7 * k + 3));
         world
@@ -192,13 +192,13 @@ fn discs_that_wobble_do_not_sink() {
         add_ground(&mut world, 0.0);
         let disc = world.add_geometry(Geometry::cylinder(0.005, 0.05).unwrap());
         for k in 0..8 {
-            let orientation = rotation_exponential(Vec3::new(1.0, 2.0, 0.3) * scattered(3 * k + 2));
+            let orientation = rotation_exponential(Vec3::new(1.0, 2.0, 0.3) * centred(3 * k + 2));
             let place = Vec3::new(3.0 * k as f64, 0.0, 0.4);
             let body = Body { orientation, ..Body::new(disc, MaterialId::default(), place) };
             let body = world.add_body(body).unwrap().index();
-            world.bodies.velocity[body] = 3.0 * Vec3::new(scattered(k), scattered(k + 9), scattered(k + 23));
+            world.bodies.velocity[body] = 3.0 * Vec3::new(centred(k), centred(k + 9), centred(k + 23));
             world.bodies.angular_velocity[body] =
-                16.0 * Vec3::new(scattered(k + 5), scattered(k + 11), scattered(k + 31));
+                16.0 * Vec3::new(centred(k + 5), centred(k + 11), centred(k + 31));
         }
         let mut stepper = default_stepper(step, model);
         for k in 0..(1.5 / step) as usize {
@@ -218,7 +218,7 @@ fn boxes_that_turn_fast_fall_on_each_other() {
         let mut world = world(0.0, 0.0);
         add_ground(&mut world, 0.0);
         for (layer, k) in (0..10).zip(100 * seed..) {
-            let number = |i: usize| scattered(17 * k + 7 * i + 3);
+            let number = |i: usize| centred(17 * k + 7 * i + 3);
             let vector = |i: usize| Vec3::new(number(i), number(i + 1), number(i + 2));
             let half = Vec3::from_array(sizes[(k * 5 + 3 * layer) % 4]);
             let geometry = world.add_geometry(Geometry::cuboid(half).unwrap());

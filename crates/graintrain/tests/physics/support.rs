@@ -66,3 +66,8 @@ pub fn assert_close(got: f64, expected: f64, tolerance: f64, what: &str) {
 }
 
 pub const BOTH: [FrictionModel; 2] = [FrictionModel::Relaxed, FrictionModel::Coulomb];
+
+/// A number in [0, 1) of a sequence without order.
+pub fn scattered(k: u32, salt: f64) -> f64 {
+    (0.618_033_988_749_894_9 * f64::from(k) + salt).fract()
+}
