@@ -26,6 +26,9 @@ const BESIDE: f64 = 1e-9;
 /// Sine of the angle below which edges are parallel.
 const PARALLEL: f64 = 1e-6;
 
+/// Cosine of the angle, 10 degrees, up to which faces look at each other.
+const FACING: f64 = 0.985;
+
 /// Cosine of the angle between the normal and a face from which on the face is seen edge-on.
 const STEEP: f64 = 0.1;
 
@@ -262,7 +265,8 @@ pub(crate) fn polyhedron_contacts(
     envelope: f64,
     touches: &mut Vec<Touch>,
 ) -> Option<bool> {
-    let Separation { normal, gap, points: [p, q], are_nearest } = separation(a, b, unit, envelope)?;
+    let best = separation(a, b, unit, envelope)?;
+    let Separation { normal, gap, points: [p, q], are_nearest } = between_faces(a, b, unit, best);
     let is_near = |p: Vec3, q: Vec3| {
         let away = p - q;
         (away - away.dot(normal) * normal).length_squared() <= (NAMED * unit).powi(2)
@@ -353,7 +357,7 @@ fn separation(a: &Polyhedron<'_>, b: &Polyhedron<'_>, unit: f64, envelope: f64) 
                 let point = other.corners[corner];
                 let foot = point - gap * face.normal;
                 let points = if sign > 0.0 { [foot, point] } else { [point, foot] };
-                let are_nearest = is_over(one, face, foot, unit);
+                let are_nearest = is_over(one, face, foot, BESIDE * unit);
                 best = Some(Separation { normal, gap, points, are_nearest });
             }
         }
@@ -377,6 +381,50 @@ fn separation(a: &Polyhedron<'_>, b: &Polyhedron<'_>, unit: f64, envelope: f64) 
     let facing = [(a, q), (b, p)]
         .map(|(own, other)| if any { own.edges.iter().collect() } else { own.edges_toward(other, best.gap) });
     across_edges([a, b], &facing, unit, envelope, best)
+}
+
+/// Where borders of two faces that do not look at each other lie together (an edge along an edge: two cards
+/// that lean on each other), both part the polyhedra, and everything between their normals: the normal
+/// halfway, which prefers neither. Not where faces that look at each other part them as well.
+fn between_faces(a: &Polyhedron<'_>, b: &Polyhedron<'_>, unit: f64, best: Separation) -> Separation {
+    let near = NAMED * unit;
+    if best.gap.abs() > near || a.is_flat() || b.is_flat() {
+        return best;
+    }
+    let parts = |other: &Polyhedron<'_>, face: &Face<'_>| {
+        let gap = other.lowest(face.normal).1 - face.offset;
+        (gap >= best.gap - near).then_some((gap, face.normal))
+    };
+    let halfway = |one: &Polyhedron<'_>, other: &Polyhedron<'_>, face: &Face<'_>, foot: Vec3| {
+        if is_over(one, face, foot, -near) {
+            return None;
+        }
+        let all: Vec<(f64, Vec3)> = other.faces.iter().filter_map(|face| parts(one, face)).collect();
+        let is_faced = |&(_, normal): &(f64, Vec3)| {
+            let mut facing = one.faces.iter().filter(|own| -own.normal.dot(normal) > FACING);
+            facing.any(|own| parts(other, own).is_some())
+        };
+        if all.iter().any(is_faced) {
+            return None;
+        }
+        let (_, normal) = all.into_iter().max_by(|x, y| x.0.total_cmp(&y.0))?;
+        Some((face.normal - normal).normalize_or_zero())
+    };
+    let [face_a, face_b] = [a.facing(best.normal), b.facing(-best.normal)];
+    if -face_a.normal.dot(face_b.normal) > FACING {
+        return best;
+    }
+    let normal = if face_a.normal == best.normal {
+        halfway(a, b, face_a, best.points[0])
+    } else if face_b.normal == -best.normal {
+        halfway(b, a, face_b, best.points[1]).map(|normal| -normal)
+    } else {
+        None
+    };
+    let Some(normal) = normal else { return best };
+    let points = [a.farthest(normal), b.farthest(-normal)];
+    let gap = normal.dot(points[1] - points[0]);
+    if gap < best.gap - near { best } else { Separation { normal, gap, points, are_nearest: false } }
 }
 
 /// The best separation known, or that across an edge of each polyhedron, of those given; `None` if they are
@@ -460,12 +508,12 @@ fn nearest_parameters(p: Vec3, along_a: Vec3, q: Vec3, along_b: Vec3) -> (f64, f
     ((apart_a * bb - apart_b * ab) / determinant, (apart_a * ab - apart_b * aa) / determinant)
 }
 
-/// Whether a point of the plane of a face lies on the face.
-fn is_over(polyhedron: &Polyhedron<'_>, face: &Face<'_>, point: Vec3, unit: f64) -> bool {
+/// Whether a point of the plane of a face lies on the face, or beside it by no more than so much, m.
+fn is_over(polyhedron: &Polyhedron<'_>, face: &Face<'_>, point: Vec3, beside: f64) -> bool {
     sides(face.corners).all(|(a, b)| {
         let [a, b] = [a, b].map(|k| polyhedron.corners[k as usize]);
         let inward = face.normal.cross(b - a);
-        inward.dot(point - a) >= -BESIDE * unit * inward.length()
+        inward.dot(point - a) >= -beside * inward.length()
     })
 }
 

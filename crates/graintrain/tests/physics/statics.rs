@@ -240,3 +240,40 @@ fn a14_painleve_rod() {
         }
     }
 }
+
+/// Two cards that lean on each other by this angle from the vertical, edge on edge: how far the first sinks
+/// within a second, over its height.
+fn leaning_cards(lean: f64, friction: f64, thickness: f64, step: f64) -> f64 {
+    let mut world = world(friction, 0.0);
+    add_ground(&mut world, 0.0);
+    let half = Vec3::new(0.5 * thickness, 0.05, 0.1);
+    let card = world.add_geometry(Geometry::cuboid(half).unwrap());
+    let (sine, cosine) = lean.sin_cos();
+    let foremost = half.x * cosine + half.z * sine;
+    let height = half.x * sine + half.z * cosine;
+    let add = |side: f64| {
+        let position = Vec3::new(side * foremost, 0.0, height);
+        let orientation = Quat::from_axis_angle(Vec3::Y, -side * lean);
+        Body { orientation, ..Body::new(card, MaterialId::default(), position) }
+    };
+    let cards = [-1.0, 1.0].map(|side| world.add_body(add(side)).unwrap());
+    let mut stepper = stepper(step, 0.005, 1e-6, Coulomb);
+    for _ in 0..(1.0 / step) as usize {
+        assert!(stepper.step(&mut world).unwrap().solve.converged());
+    }
+    (height - world.bodies.position[cards[0].index()].z) / (2.0 * half.z)
+}
+
+/// Edge on edge, two leaning cards press each other along the horizontal, by symmetry, and stand where the
+/// floor's friction bears that: H height = m g (way from foot to centre).
+#[test]
+fn cards_that_lean_on_each_other_stand_by_their_friction() {
+    for lean in [10.0_f64, 20.0, 30.0].map(f64::to_radians) {
+        for (thickness, step) in [(0.002, 0.001), (0.002, 0.01), (0.02, 0.005)] {
+            let arm = 0.1 * lean.sin() - 0.5 * thickness * lean.cos();
+            let least = arm / (0.2 * lean.cos());
+            let [slips, stands] = [0.9, 1.1].map(|share| leaning_cards(lean, share * least, thickness, step));
+            assert!(slips > 0.1 && stands.abs() < 1e-3, "{lean} {thickness} {step}: {slips} {stands}");
+        }
+    }
+}
