@@ -159,9 +159,9 @@ impl Warnings {
                     "the step is made with the best impulses found. Try a shorter step; a looser --tolerance where loads press much harder than weight"
                 }
             };
-            let remark = solve.remark.as_ref().map_or(String::new(), |remark| format!("; {remark}"));
+            let remark = solve.remark.as_ref().map_or(String::new(), |remark| format!(", {remark}"));
             warnings.push(format!(
-                "{place}: the solve did not reach the tolerance (residual {:.1e}, rms {:.1e}, {}{remark}): {cause}. `--strict` ends a run here, \
+                "{place} did not reach the tolerance{remark} (residual {:.1e}, rms {:.1e}, {}): {cause}. `--strict` ends a run here, \
                  `--dump-problem every={step}` keeps the problem",
                 solve.residual.max,
                 solve.residual.rms,

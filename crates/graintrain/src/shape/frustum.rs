@@ -5,6 +5,7 @@ use super::{Corners, Distance, Surface, at_plane};
 use crate::math::Vec3;
 use graintrain_linalg::real;
 use parry3d_f64::shape::{PackedFeatureId, PolygonalFeature, PolygonalFeatureMap, SupportMap};
+use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Cosine of the angle to a mantle's normal, 30 degrees, up to which a direction belongs to the mantle.
 const MANTLE: f64 = 0.866_025_403_784_438_6;
@@ -141,8 +142,9 @@ impl Frustum {
         found
     }
 
-    /// At the end that looks down more four points of the rim, the first of them the lowest; at the other end
-    /// the lowest one. Of an end that is a point, that point.
+    /// At the end that looks down more eight points of the rim, the first of them the lowest; at the other
+    /// end the lowest one. Of an end that is a point, that point. A level end stands on an octagon until it
+    /// tilts: its support is short by 8 % at most.
     pub(crate) fn lowest_points(&self, down: Vec3, each: &mut dyn FnMut(Vec3, f64, u64)) {
         // Where the ends are level any direction of the frustum's own.
         let (across, steepest) = radial(down);
@@ -150,12 +152,13 @@ impl Frustum {
         let level = Vec3::Z.cross(steepest);
         let low = usize::from(down.z > 0.0);
         let point = |end: usize, way: Vec3| self.r[end] * way + self.z[end] * Vec3::Z;
-        let around = [steepest, level, -steepest, -level];
+        let [between, behind] = [level, -level].map(|level| FRAC_1_SQRT_2 * (steepest + level));
+        let around = [steepest, between, level, -behind, -steepest, -between, -level, behind];
         let count = if self.r[low] > 0.0 { around.len() } else { 1 };
         for (feature, way) in (0..).zip(around).take(count) {
             each(point(low, way), 0.0, feature);
         }
-        each(point(1 - low, steepest), 0.0, 4);
+        each(point(1 - low, steepest), 0.0, around.len() as u64);
     }
 
     /// Per end four points of the rim, of which the first looks at the other solid, or its only point.

@@ -277,3 +277,27 @@ fn cards_that_lean_on_each_other_stand_by_their_friction() {
         }
     }
 }
+
+/// On a plane that tilts the ground by nine tenths of what it takes, towards any side, a cone and a cylinder
+/// stand on their rims.
+#[test]
+fn round_bodies_stand_until_their_weight_leaves_the_rim() {
+    let shapes = [(Geometry::cylinder(0.1, 0.05), 0.1), (Geometry::cone(0.2, 0.05, 0.03), 0.2 * 41.0 / 98.0)];
+    for (geometry, height) in shapes {
+        let geometry = geometry.unwrap();
+        for side in [0.0, 10.0, 22.5, 45.0_f64].map(f64::to_radians) {
+            let tilt = f64::atan(0.9 * 0.05 / height);
+            let mut world = world(2.0, 0.0);
+            let way = Vec3::new(side.cos(), side.sin(), 0.0);
+            world.gravity = (tilt.sin() * way - tilt.cos() * Vec3::Z) * G;
+            add_ground(&mut world, 0.0);
+            let form = world.add_geometry(geometry.clone());
+            let position = Vec3::new(0.0, 0.0, height);
+            let body = world.add_body(Body::new(form, MaterialId::default(), position)).unwrap().index();
+            let mut stepper = stepper(0.02, 0.005, 1e-6, Coulomb);
+            run(&mut stepper, &mut world, 150);
+            let sunk = height - world.bodies.position[body].z;
+            assert!(sunk.abs() < 1e-3 * height, "{height} {side}: {sunk}");
+        }
+    }
+}
