@@ -14,10 +14,10 @@
 //!
 //! A contact with a gap Phi touches only after it, at u_t^2 = u^2 + 2 a Phi under a relative acceleration a,
 //! and has lost the height Phi again when it is back where the step finds it: there it parts with
-//! `u'^2 = e^2 u_t^2 - 2 a Phi`, of which `at_start` makes the e_i above. So a ball that falls on what is
-//! held or rests reaches e^2 times its height at any step. What does not come back so far is no impact yet:
-//! the contact problem lands it, and its impact is that of the next step. What nothing carries and does not
-//! fly either (`x + dt u+`: bodies in joints or with prescribed motions, under forces that depend on the
+//! `u'^2 = e^2 u_t^2 - 2 a Phi`, of which `square_at_start` makes the e_i above. So a ball that falls on what
+//! is held or rests reaches e^2 times its height at any step. What does not come back so far is no impact
+//! yet: the contact problem lands it, and its impact is that of the next step. What nothing carries and does
+//! not fly either (`x + dt u+`: bodies in joints or with prescribed motions, under forces that depend on the
 //! place) has velocities of the middle of a step: there u is u + dt a / 2 (`to_now`), which comes back
 //! e-fold. Balls that meet nothing else, and what falls without a turn on what is driven, keep time as well
 //! (`touch`): they go on as they were until they touch, and with v' from then on. Joints hold in impacts,
