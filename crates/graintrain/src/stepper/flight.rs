@@ -44,6 +44,7 @@ pub(super) fn courses(world: &World, contacts: &[Contact], attempt: &Attempt, st
 /// Gaps of contacts whose bodies do not touch in the step though they end it fast enough to have closed:
 /// what flies has fallen by half of what its velocity says then. With them Phi + dt u_n is 0 where nothing
 /// else acts. None for bodies that meet something in the step, or that a contact carried in the last one.
+/// Nor where they end nearer than `near`, m: there they land.
 /// `before` and `free` are the velocities after the impacts and after the step if no contact acted, six
 /// numbers per body.
 pub(super) fn unreached(
@@ -51,6 +52,7 @@ pub(super) fn unreached(
     (contacts, rows): (&[Contact], &[RigidContact]),
     [before, free]: [&[f64]; 2],
     step: f64,
+    near: impl Fn(&Contact) -> f64,
 ) -> Vec<(usize, f64)> {
     let before = with_driven(world, before, step);
     let flight = Flight::of(world, [&before, free], step);
@@ -67,7 +69,10 @@ pub(super) fn unreached(
     let is_unreached = |&(i, gap): &(usize, f64)| {
         let contact = &contacts[i];
         let mut pair = contact.unordered().into_iter().map(|body| body as usize);
-        gap > contact.gap && flight.has(contact) && pair.all(|body| is_settled(body) || !meets[body])
+        gap > contact.gap
+            && contact.gap + step * mean[3 * i] > near(contact)
+            && flight.has(contact)
+            && pair.all(|body| is_settled(body) || !meets[body])
     };
     (0..contacts.len()).map(|i| (i, -step * end[3 * i])).filter(is_unreached).collect()
 }
