@@ -14,15 +14,16 @@
 //!
 //! A contact with a gap Phi touches only after it, at u_t^2 = u^2 + 2 a Phi under a relative acceleration a,
 //! and has lost the height Phi again when it is back where the step finds it: there it parts with
-//! `u'^2 = e^2 u_t^2 - 2 a Phi`, of which `at_start` makes the e_i above. So a ball that falls on what is
-//! held or rests reaches e^2 times its height at any step. What nothing carries and does not fly either
-//! (`x + dt u+`: bodies in joints or with prescribed motions, under forces that depend on the place) has
-//! velocities of the middle of a step: there u is u + dt a / 2 (`to_now`), which comes back e-fold. Balls
-//! that meet nothing else keep time as well (`touch`): they go on as they were until they touch, and with v'
-//! from then on. Joints hold in impacts, motors with a limit and springs have no time to act, and stops
-//! neither. Rolling and spinning friction act on lasting contact alone: their moments grow with the time that
-//! a contact takes, which an impact does not have. A collision that runs through a row of bodies (Newton's
-//! cradle) takes one pass per contact.
+//! `u'^2 = e^2 u_t^2 - 2 a Phi`, of which `square_at_start` makes the e_i above. So a ball that falls on what
+//! is held or rests reaches e^2 times its height at any step. What does not come back so far is no impact
+//! yet: the contact problem lands it, and its impact is that of the next step. What nothing carries and does
+//! not fly either (`x + dt u+`: bodies in joints or with prescribed motions, under forces that depend on the
+//! place) has velocities of the middle of a step: there u is u + dt a / 2 (`to_now`), which comes back
+//! e-fold. Balls that meet nothing else, and what falls without a turn on what is driven, keep time as well
+//! (`touch`): they go on as they were until they touch, and with v' from then on. Joints hold in impacts,
+//! motors with a limit and springs have no time to act, and stops neither. Rolling and spinning friction act
+//! on lasting contact alone: their moments grow with the time that a contact takes, which an impact does not
+//! have. A collision that runs through a row of bodies (Newton's cradle) takes one pass per contact.
 //!
 //! Without friction and with one e_i for all contacts a pass cannot make energy (J. J. Moreau, "Unilateral
 //! contact and dry friction in finite freedom dynamics", 1988: e = 1 keeps it exactly); with friction, or
@@ -35,8 +36,7 @@
 mod meeting;
 mod touch;
 
-use self::meeting::first_of_bodies;
-use self::touch::{Shift, Touch};
+use self::touch::Shift;
 use crate::assemble::{pair_property, relative_velocities};
 use crate::cell::{COMPONENTS, Cell, moved_mass};
 use crate::cell_problem::CellRows;
@@ -105,6 +105,8 @@ pub(crate) struct Impacts {
     pub impulse: Vec<Vec3>,
     /// Bodies that end the step elsewhere than with `velocity` all the way, in their order.
     pub shift: Vec<Shift>,
+    /// By how much contacts have another gap where their bodies begin the step as they go on, m; empty: none.
+    pub gap_change: Vec<f64>,
     /// Contacts resolved, over all passes.
     pub count: usize,
     /// Parts in which restitution was lowered, because it would have made energy, and contacts that still
@@ -158,7 +160,7 @@ impl ImpactSolver<'_> {
     ) -> Result<Option<Impacts>, CcpError> {
         let mut velocity = velocities(world);
         let restitution = pair_property(world, of.contacts, |a, b| world.materials.pair_restitution(a, b));
-        let timed = touch::timed(world, self.collider, of.contacts, &restitution, step);
+        let timed = touch::timed(world, self.collider, of.contacts, (&restitution, self.unseen), step);
         if restitution.iter().all(|&e| e == 0.0) && !timed.contains(&true) {
             return Ok(Some(Impacts { velocity, ..Impacts::default() }));
         }
@@ -167,7 +169,7 @@ impl ImpactSolver<'_> {
         let (coupled, projected) = along_joints(world, &mut velocity, step);
         let laws = Laws { restitution, friction, coupled, pressed };
         let before = Impacts { velocity, ..Impacts::default() };
-        let Some(mut found) = self.passes(world, of, (&laws, &timed), before, step)? else {
+        let Some(mut found) = self.passes(world, of, (&laws, timed), before, step)? else {
             return Ok(None);
         };
         for Projected { body, before, along } in projected {
@@ -183,13 +185,14 @@ impl ImpactSolver<'_> {
         &mut self,
         world: &World,
         of: Rows<'_>,
-        (laws, timed): (&Laws<'_>, &[bool]),
+        (laws, timed): (&Laws<'_>, Vec<bool>),
         mut found: Impacts,
         step: f64,
     ) -> Result<Option<Impacts>, CcpError> {
         let Laws { restitution, coupled, pressed, .. } = laws;
         let pushed = pressed.as_ref().map_or(0.0, Pressed::speed);
         let mut motion = Motion::of(world, of, (coupled, pressed.as_ref()), &found.velocity, step);
+        motion.timed = timed;
         let slow: Vec<f64> = of
             .contacts
             .iter()
@@ -200,28 +203,12 @@ impl ImpactSolver<'_> {
                 (self.parameters.resting * (a.max(b) * step).max(pushed)).max(ROUNDING * relative)
             })
             .collect();
-        // Without restitution only what is known in time is an impact: the rest is for the contact problem.
-        let is_timed = |i: usize| timed.get(i) == Some(&true);
-        let mut is_impact: Vec<bool> =
-            restitution.iter().enumerate().map(|(i, &e)| e > 0.0 || is_timed(i)).collect();
-        let mut touched: Vec<(u32, f64)> = Vec::new();
         for pass in 0..=self.parameters.passes {
-            let approaches = |i: &u32| {
-                let (i, n) = (*i as usize, 3 * *i as usize);
-                // What rests had no velocity in the middle of the last step either.
-                is_impact[i] && motion.now[n].max(motion.now[n] - motion.by_now[n]) < -slow[i]
-            };
-            let closes = |i: &u32| {
-                let gap = of.contacts[*i as usize].gap;
-                gap <= 0.0 || gap + (1.0 - LAST) * step * motion.later[3 * *i as usize] <= 0.0
-            };
-            let approaching = (0..of.contacts.len() as u32).filter(approaches);
-            let closing = approaching.filter(closes).collect();
-            let closing = self.meeting(world, of.contacts, &motion, closing, step);
-            let mut closing = self.along_normals_of_touch(world, of.contacts, &motion, closing, step);
+            let [mut closing, approaching] = self.closing(world, of, (&motion, restitution, &slow), step);
             // What meets more others than that in a step meets the rest of them at once.
             if 2 * pass < self.parameters.passes {
-                closing = first_of_bodies(world, of.contacts, coupled, &closing, (&motion.now, step));
+                let both = [closing.as_slice(), &approaching];
+                closing = self.first_of_bodies(world, of.contacts, coupled, both, (&motion, step));
             }
             if pass == self.parameters.passes {
                 found.lowered += closing.len();
@@ -236,33 +223,70 @@ impl ImpactSolver<'_> {
             if pressed.is_some() {
                 all = joined_by_cell(all, of.contacts);
             }
+            // The rest of what one meets that is no impact yet waits for it.
+            let comes_back =
+                |&i: &u32| motion.comes_back(world, of, i as usize, restitution[i as usize], step);
+            all.retain(|part| part.contacts.iter().any(comes_back));
+            if all.is_empty() {
+                break;
+            }
+            let (before, mut touched) = (motion.now.clone(), Vec::new());
             for part in all {
-                let mut arriving = motion.arriving(&part, of.contacts, restitution, step);
-                if let [i] = part.contacts[..]
-                    && let i = i as usize
-                    && is_timed(i)
-                {
-                    let (contact, e) = ((&of.contacts[i], &of.rows[i]), restitution[i]);
-                    if let Some(touch) = Touch::of(world, contact, (&arriving.0, e), step) {
-                        arriving = (touch.velocity.to_vec(), vec![e]);
-                        touched.extend(part.bodies.iter().map(|&body| (body, touch.time)));
-                        // Nothing brings its bodies together again.
-                        is_impact[i] = false;
-                    } else if e == 0.0 {
-                        is_impact[i] = false;
-                        continue;
-                    }
-                }
+                let touch = motion.touch(world, of, &part, restitution, step);
+                let arriving = match &touch {
+                    Some((_, velocity)) => (velocity.clone(), part.gather::<1, f64>(restitution)),
+                    None => motion.arriving(&part, restitution, step),
+                };
                 let Some(()) = self.solve(&part, of, (laws, arriving), &mut found)? else {
                     return Ok(None);
                 };
                 part.bodies.iter().for_each(|&body| moved[body as usize] = true);
+                if let Some((time, _)) = touch {
+                    touched.extend(part.bodies.iter().map(|&body| (body, time)));
+                }
             }
             motion.update(world, of, &found, step, &moved);
+            motion.keep_time(of.contacts, &touched, &before);
+            found.shift.extend(touched.into_iter().map(|touch| Shift::of(world, &found.velocity, touch)));
         }
-        found.shift = touched.into_iter().map(|touch| Shift::of(world, &found.velocity, touch)).collect();
         found.shift.sort_by_key(|shift| shift.body);
+        if !found.shift.is_empty() {
+            let change = |(gap, contact): (&f64, &Contact)| gap - contact.gap;
+            found.gap_change = motion.gap.iter().zip(of.contacts).map(change).collect();
+        }
         Ok(Some(found))
+    }
+
+    /// The contacts that are impacts as the bodies move now, and others that approach.
+    fn closing(
+        &self,
+        world: &World,
+        of: Rows<'_>,
+        (motion, restitution, slow): (&Motion, &[f64], &[f64]),
+        step: f64,
+    ) -> [Vec<u32>; 2] {
+        // Without restitution only what is known in time is an impact: the rest is for the contact problem.
+        // What rests had no velocity in the middle of the last step either.
+        let approaches = |i: &u32| {
+            let i = *i as usize;
+            let (u, by_now) = (motion.now[3 * i], motion.by_now[3 * i]);
+            (restitution[i] > 0.0 || motion.is_timed(i)) && u.max(u - by_now) < -slow[i]
+        };
+        let closes = |i: &u32| {
+            let i = *i as usize;
+            let gap = motion.gap[i];
+            gap <= 0.0 || gap + (1.0 - LAST) * step * motion.mean(i) <= 0.0
+        };
+        let approaching = (0..of.contacts.len() as u32).filter(approaches);
+        let (closing, approaching): (Vec<u32>, Vec<u32>) = approaching.partition(closes);
+        // Where bodies go on from elsewhere, nothing is looked at.
+        let (gone_on, closing): (Vec<u32>, Vec<u32>) =
+            closing.into_iter().partition(|&i| motion.gap[i as usize] != of.contacts[i as usize].gap);
+        let closing = self.meeting(world, of.contacts, motion, closing, step);
+        let mut closing = self.along_normals_of_touch(world, of.contacts, motion, closing, step);
+        closing.extend(gone_on);
+        closing.sort_unstable();
+        [closing, approaching]
     }
 
     /// One part of a pass; `u` and `restitution` are the velocities before it and what comes back of them.
@@ -339,9 +363,14 @@ impl ImpactSolver<'_> {
 /// more the spin that friction gives would depend on the phase of arrival. Balls that touch within the step
 /// as they move now get the normal of that moment, too: that of the start of the step is off by the way
 /// sideways.
-pub(crate) fn lead_to_surfaces(world: &World, collider: &Collider, step: f64, contacts: &mut [Contact]) {
+pub(crate) fn lead_to_surfaces(
+    world: &World,
+    (collider, unseen): (&Collider, f64),
+    step: f64,
+    contacts: &mut [Contact],
+) {
     let restitution = pair_property(world, contacts, |a, b| world.materials.pair_restitution(a, b));
-    let timed = touch::timed(world, collider, contacts, &restitution, step);
+    let timed = touch::timed(world, collider, contacts, (&restitution, unseen), step);
     for (i, contact) in contacts.iter_mut().enumerate() {
         let is_impact = restitution[i] > 0.0 || timed.get(i) == Some(&true);
         if is_impact && contact.gap > 0.0 && contact.lead == Vec3::ZERO {
@@ -398,6 +427,13 @@ struct Motion {
     /// By how much contacts close faster after the step because their bodies fall, one number each: as
     /// joints let them, and those that no contact carried in the last step.
     fall: Vec<f64>,
+    /// By how much contacts close less fast in the mean of the step than `later` says, because their bodies
+    /// fly or go on being carried, m/s.
+    slower: Vec<f64>,
+    /// Their gaps, m: of those that have touched, where they would have begun the step as they go on.
+    gap: Vec<f64>,
+    /// Whether their time of touch is kept; empty: of none.
+    timed: Vec<bool>,
     /// The periodic cell as it deforms now, and as it would after the step if no contact acted.
     cells: [Option<Cell>; 2],
     /// What impacts have changed of its rates, 1/s.
@@ -419,13 +455,13 @@ impl Motion {
             coupled_in_impacts(world, &mut falling, step);
         }
         let is_carried = carrying(world).any(|contact| contact.image != [0; 3]);
-        let carried = carrying(world).flat_map(|contact| [contact.body_a, contact.body_b]);
+        let (carried, flight) = (carried(world), Flight::of(world, [&driven, &free], step));
         // A link that a contact carries does not hold the rest of its mechanism.
         let mut is_linked = vec![false; world.bodies.len()];
         let links = coupled.iter().flat_map(|mechanism| &mechanism.bodies);
         links.for_each(|&body| is_linked[body as usize] = true);
-        for body in carried.filter(|&body| !is_linked[body as usize]) {
-            let six = 6 * body as usize..6 * body as usize + 6;
+        for body in (0..carried.len()).filter(|&body| carried[body] && !is_linked[body]) {
+            let six = 6 * body..6 * body + 6;
             falling[six.clone()].copy_from_slice(&driven[six]);
         }
         let after = world.cell().cloned();
@@ -442,24 +478,39 @@ impl Motion {
         driven.iter_mut().zip(&to_now).for_each(|(v, more)| *v += more);
         let by_now = relative_velocities(None, of.contacts, of.rows, &to_now);
         now.iter_mut().zip(&by_now).for_each(|(now, more)| *now += more);
-        Self { free, driven, to_now, by_now, now, later, fall, cells, rate: [0.0; 6] }
+        let slower: Vec<f64> = flight.mean.iter().zip(&free).map(|(mean, free)| mean - free).collect();
+        let slower = relative_velocities(None, of.contacts, of.rows, &slower);
+        let slower = slower.into_iter().step_by(3).zip(of.contacts);
+        let slower = slower.map(|(u, contact)| if flight.has(contact) { u } else { 0.0 }).collect();
+        let (gap, timed, rate) = (of.contacts.iter().map(|c| c.gap).collect(), Vec::new(), [0.0; 6]);
+        Self { free, driven, to_now, by_now, now, later, fall, slower, gap, timed, cells, rate }
     }
 
     /// Velocities at which the contacts of a part close now, three numbers each, and the restitutions with
     /// which they part at the start of the step.
-    fn arriving(
-        &self,
-        part: &Part,
-        contacts: &[Contact],
-        restitution: &[f64],
-        step: f64,
-    ) -> (Vec<f64>, Vec<f64>) {
-        let parting = part.contacts.iter().map(|&i| {
-            let i = i as usize;
-            let fall = self.fall[i] / step * contacts[i].gap.max(0.0);
-            at_start(restitution[i], self.now[3 * i], fall)
-        });
+    fn arriving(&self, part: &Part, restitution: &[f64], step: f64) -> (Vec<f64>, Vec<f64>) {
+        let at_start = |&i: &u32| self.square_at_start(i as usize, restitution[i as usize], step);
+        let parting = part.contacts.iter().map(|i| at_start(i).clamp(0.0, 1.0).sqrt());
         (part.gather::<3, f64>(&self.now), parting.collect())
+    }
+
+    fn square_at_start(&self, i: usize, e: f64, step: f64) -> f64 {
+        square_at_start(e, self.now[3 * i], self.fall[i] / step * self.gap[i].max(0.0))
+    }
+
+    fn is_timed(&self, i: usize) -> bool {
+        self.timed.get(i) == Some(&true)
+    }
+
+    /// Whether a contact comes back so far that it is an impact of this step.
+    fn comes_back(&self, world: &World, of: Rows<'_>, i: usize, e: f64, step: f64) -> bool {
+        let is_timed = || self.is_timed(i) && self.touch_of(world, of, i, e, step).is_some();
+        e > 0.0 && self.square_at_start(i, e, step) >= 0.0 || is_timed()
+    }
+
+    /// The normal velocity of a contact in the mean of the step if no contact acted.
+    fn mean(&self, i: usize) -> f64 {
+        self.later[3 * i] + self.slower[i]
     }
 
     /// Normal velocities of a contact: now, and after the step if no contact acted.
@@ -502,6 +553,45 @@ impl Motion {
     }
 }
 
+/// Whether each body was carried by a contact in the last step.
+pub(crate) fn carried(world: &World) -> Vec<bool> {
+    let mut carried = vec![false; world.bodies.len()];
+    let pairs = carrying(world).flat_map(|contact| [contact.body_a, contact.body_b]);
+    pairs.for_each(|body| carried[body as usize] = true);
+    carried
+}
+
+/// How bodies that fly ([`load::flies`]) go through a step if no contact acts: x + dt (u' + u+) / 2, where
+/// all else goes x + dt u+. What a contact carried in the last step goes on being carried.
+pub(crate) struct Flight {
+    /// Whether a body flies and was not carried.
+    flies: Vec<bool>,
+    /// Velocities after the step, and in its mean, six numbers per body.
+    pub end: Vec<f64>,
+    pub mean: Vec<f64>,
+}
+
+impl Flight {
+    /// With these velocities before the step, and after it if no contact acted, six numbers per body.
+    pub(crate) fn of(world: &World, [before, free]: [&[f64]; 2], step: f64) -> Self {
+        let (mut flies, carried) = (load::flies(world, step), carried(world));
+        let (mut end, mut mean) = (free.to_vec(), free.to_vec());
+        for body in (0..flies.len()).filter(|&body| flies[body]) {
+            for k in 6 * body..6 * body + 3 {
+                end[k] = if carried[body] { before[k] } else { free[k] };
+                mean[k] = 0.5 * (before[k] + end[k]);
+            }
+        }
+        flies.iter_mut().zip(carried).for_each(|(flies, carried)| *flies &= !carried);
+        Self { flies, end, mean }
+    }
+
+    /// Whether a contact has a body that flies.
+    pub(crate) fn has(&self, contact: &Contact) -> bool {
+        self.flies[contact.body_a as usize] || self.flies[contact.body_b as usize]
+    }
+}
+
 /// The contacts that carried something in the last step.
 fn carrying(world: &World) -> impl Iterator<Item = &Contact> {
     let all = world.contacts.contacts.iter().zip(&world.contacts.impulse);
@@ -514,9 +604,7 @@ fn carrying(world: &World) -> impl Iterator<Item = &Contact> {
 /// velocities before and after the step if no contact acted, six numbers per body.
 fn to_now(world: &World, coupled: &[CoupledBodies], [now, free]: [&[f64]; 2], step: f64) -> Vec<f64> {
     let flies = load::flies(world, step);
-    let mut is_held = vec![false; flies.len()];
-    let carried = carrying(world).flat_map(|contact| [contact.body_a, contact.body_b]);
-    carried.for_each(|body| is_held[body as usize] = true);
+    let mut is_held = carried(world);
     for placed in world.joints() {
         let has_limit = matches!(placed.joint.motor, Some(Motor::Speed { limit: Some(_), .. }));
         if has_limit || placed.state.stopped != 0 {
@@ -574,20 +662,20 @@ impl<'a> Pressed<'a> {
     }
 }
 
-/// The restitution with which a contact parts at the start of a step where it has the gap Phi and closes at u
-/// < 0, so that it has e times the velocity of its touch when it has crossed the gap twice under the relative
-/// acceleration a (m/s^2) of bodies that nothing carries,
+/// The square of the restitution with which a contact parts at the start of a step where it has the gap Phi
+/// and closes at u < 0, so that it has e times the velocity of its touch when it has crossed the gap twice
+/// under the relative acceleration a (m/s^2) of bodies that nothing carries,
 ///
 /// ```text
 /// e_start^2 = e^2 - (1 - e^2) 2 a Phi / u^2;
 /// ```
 ///
-/// 0 where it does not come back as far within its bounce. `fall` is a Phi, m^2/s^2.
-fn at_start(e: f64, u: f64, fall: f64) -> f64 {
+/// negative where it does not come back as far within its bounce. `fall` is a Phi, m^2/s^2.
+fn square_at_start(e: f64, u: f64, fall: f64) -> f64 {
     if fall == 0.0 {
-        return e;
+        return e * e;
     }
-    (e * e - (1.0 - e * e) * 2.0 * fall / (u * u)).clamp(0.0, 1.0).sqrt()
+    e * e - (1.0 - e * e) * 2.0 * fall / (u * u)
 }
 
 /// Kinetic energy that impulses g add where contacts had the velocities u and get u + N g, g . u + 1/2 g . N

@@ -45,7 +45,7 @@ pub(crate) struct Rotor {
 /// A turn without torque, in world axes.
 pub(crate) struct Coasting {
     /// Where it leads to.
-    orientation: Quat,
+    pub orientation: Quat,
     /// Angular velocity at its end.
     pub spin: Vec3,
     /// Mean of the angular velocity; beyond [`FAST`] that of the end, in the axes of the start, or tilted

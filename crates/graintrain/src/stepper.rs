@@ -193,7 +193,7 @@ impl Stepper {
         let mut last = None;
         loop {
             self.as_driven(world, time, |stepper, world| {
-                lead_to_surfaces(world, &stepper.collider, step, &mut rounds.contacts);
+                lead_to_surfaces(world, (&stepper.collider, stepper.unseen()), step, &mut rounds.contacts);
             });
             let attempt = self.attempt(world, &mut rounds, last.take())?;
             if self.check_velocities(world, &mut rounds, &attempt)? {
@@ -284,7 +284,7 @@ impl Stepper {
         let courses = courses(world, contacts, &attempt, step);
         let velocities = [&attempt.impacts.velocity, attempt.velocity.as_slice()];
         let (kicked, lost) = advance(world, velocities, &courses, step);
-        attempt.impacts.put_on(world);
+        attempt.impacts.put_on(world, &self.collider);
         if let Some(displacement) = &correction.displacement {
             displace(world, displacement);
         }

@@ -140,6 +140,30 @@ impl Collider {
         (is_convex(&a) && is_convex(&b)).then(|| normals.iter().map(part).collect())
     }
 
+    /// The identities of the contacts of two bodies as they are after this time of moving with these
+    /// velocities, and their gaps, m: of all that are nearer than the smaller one's size.
+    pub(crate) fn gaps_after(
+        &self,
+        world: &World,
+        pair: [u32; 2],
+        velocities: [[Vec3; 2]; 2],
+        time: f64,
+    ) -> Vec<(u64, f64)> {
+        let ([a, mut b], image) = self.placed_pair(world, pair);
+        if let Some(cell) = world.cell().filter(|_| image != [0; 3]) {
+            b.position += time * cell.image_velocity(image);
+        }
+        let mut touches = Vec::new();
+        let reach = a.form.size.min(b.form.size);
+        body_contacts(
+            advanced(a, velocities[0], time),
+            advanced(b, velocities[1], time),
+            reach,
+            &mut touches,
+        );
+        touches.iter().map(|touch| (contact(pair, touch).identity, touch.gap)).collect()
+    }
+
     /// The contact of two balls that are apart and touch within the step as they move now: with the normal
     /// and the arms of that moment. `None` for other bodies, and for balls that do not touch in it.
     pub(crate) fn arrival_of_balls(&self, world: &World, apart: &Contact, step: f64) -> Option<Contact> {

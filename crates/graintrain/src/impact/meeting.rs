@@ -82,40 +82,127 @@ impl ImpactSolver<'_> {
             let Some(apart) = self.collider.separations(world, pair, velocities, first, &normals) else {
                 continue;
             };
-            let best = apart.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let best = (0..apart.len()).max_by(|&i, &j| apart[i].total_cmp(&apart[j])).unwrap_or_default();
             let seen = self.unseen * self.collider.contact_size(world, contact(&group[0]));
-            let parts = group.iter().zip(apart).filter(|(_, apart)| *apart < best - seen);
-            aside.extend(parts.map(|(i, _)| *i));
+            // Normals that lead apart by no more than goes unseen over a size are one.
+            let is_other = |k: &usize| {
+                apart[*k] < apart[best] - seen && (normals[*k] - normals[best]).length() > self.unseen
+            };
+            aside.extend((0..apart.len()).filter(is_other).map(|k| group[k]));
         }
         of.retain(|i| !aside.contains(i));
         of
     }
 }
 
-/// Those of the closing contacts before which none of their two bodies touches anything else: what a body
-/// would meet later, it meets deflected, if at all. Contacts that touch at the same time stay together, and
-/// those of bodies that joints couple: what touches one of them deflects all.
-pub(super) fn first_of_bodies(
-    world: &World,
-    contacts: &[Contact],
-    coupled: &[CoupledBodies],
-    closing: &[u32],
-    (now, step): (&[f64], f64),
-) -> Vec<u32> {
-    let mut is_single: Vec<bool> = (0..world.bodies.len()).map(|body| !world.is_prescribed(body)).collect();
-    for &body in coupled.iter().flat_map(|mechanism| &mechanism.bodies) {
-        is_single[body as usize] = false;
-    }
-    let time = |i: u32| contacts[i as usize].gap.max(0.0) / -now[3 * i as usize];
-    let bodies = |i: u32| [contacts[i as usize].body_a as usize, contacts[i as usize].body_b as usize];
-    let mut first = vec![f64::INFINITY; world.bodies.len()];
-    for &i in closing {
-        for body in bodies(i) {
-            first[body] = first[body].min(time(i));
+/// Contacts between the same two bodies, or of one body with driven ones, that close.
+struct Group<'a> {
+    contacts: &'a [u32],
+    /// When the first of them touches, s.
+    time: f64,
+}
+
+impl ImpactSolver<'_> {
+    /// Those of the closing contacts before which none of their two bodies touches anything else: what a body
+    /// would meet later, it meets deflected, if at all. Contacts of two bodies that are together then stay
+    /// together, up to what may overlap unseen: an edge that touches before another one by rounding would
+    /// turn the body. So do others that approach, but by rounding would touch in the next step. Those of
+    /// bodies that joints couple stay together, too: what touches one of them deflects all.
+    pub(super) fn first_of_bodies(
+        &self,
+        world: &World,
+        contacts: &[Contact],
+        coupled: &[CoupledBodies],
+        [closing, approaching]: [&[u32]; 2],
+        (motion, step): (&Motion, f64),
+    ) -> Vec<u32> {
+        let mut is_single: Vec<bool> =
+            (0..world.bodies.len()).map(|body| !world.is_prescribed(body)).collect();
+        let held = |body: u32| if world.is_prescribed(body as usize) { u32::MAX } else { body };
+        let key = |i: u32| {
+            let mut pair = contacts[i as usize].unordered().map(held);
+            pair.sort_unstable();
+            pair
+        };
+        for &body in coupled.iter().flat_map(|mechanism| &mechanism.bodies) {
+            is_single[body as usize] = false;
         }
+        let time = |i: u32| motion.gap[i as usize].max(0.0) / -motion.now[3 * i as usize];
+        let mut sorted = closing.to_vec();
+        sorted.sort_by_key(|&i| (key(i), i));
+        let mut first = vec![f64::INFINITY; world.bodies.len()];
+        let groups: Vec<Group<'_>> = sorted
+            .chunk_by(|&i, &j| key(i) == key(j))
+            .map(|contacts| Group { contacts, time: contacts.iter().map(|&i| time(i)).fold(step, f64::min) })
+            .collect();
+        let bodies = |i: u32| contacts[i as usize].unordered().map(|body| body as usize);
+        for group in &groups {
+            for body in group.contacts.iter().flat_map(|&i| bodies(i)) {
+                first[body] = first[body].min(group.time);
+            }
+        }
+        let is_first = |i: u32, time: f64| {
+            bodies(i).iter().all(|&body| !is_single[body] || time <= first[body] + SAME_TIME * step)
+        };
+        let mut found = Vec::new();
+        for group in groups {
+            let others = approaching.iter().copied().filter(|&i| key(i) == key(group.contacts[0]));
+            let all: Vec<u32> = group.contacts.iter().copied().chain(others).collect();
+            let apart = self.apart_at(world, contacts, motion, &all, group.time);
+            for (k, (&i, apart)) in all.iter().zip(apart).enumerate() {
+                let is_alone = bodies(i).iter().any(|&body| is_single[body]);
+                let near = self.unseen * self.collider.contact_size(world, &contacts[i as usize]);
+                let is_together = apart <= near || !is_alone && k < group.contacts.len();
+                if is_together && is_first(i, group.time) {
+                    found.push(i);
+                }
+            }
+        }
+        found.sort_unstable();
+        found
     }
-    let is_first = |&i: &u32| {
-        bodies(i).iter().all(|&body| !is_single[body] || time(i) <= first[body] + SAME_TIME * step)
-    };
-    closing.iter().copied().filter(is_first).collect()
+
+    /// How far apart these contacts are after this time, more than the first of them, m: where their bodies
+    /// are then, if these turn.
+    fn apart_at(
+        &self,
+        world: &World,
+        contacts: &[Contact],
+        motion: &Motion,
+        of: &[u32],
+        time: f64,
+    ) -> Vec<f64> {
+        let linear = |&i: &u32| motion.gap[i as usize] + time * motion.now[3 * i as usize];
+        let mut apart: Vec<f64> = of.iter().map(linear).collect();
+        if of.len() == 1 {
+            return vec![0.0];
+        }
+        let mut pairs: Vec<[u32; 2]> = Vec::new();
+        for contact in of.iter().map(|&i| &contacts[i as usize]) {
+            let pair = [contact.body_a, contact.body_b];
+            let has_gone_on = of.iter().any(|&i| motion.gap[i as usize] != contacts[i as usize].gap);
+            if pairs.contains(&pair) || has_gone_on {
+                continue;
+            }
+            pairs.push(pair);
+            let velocities = pair
+                .map(|body| [0, 3].map(|k| Vec3::from_slice(&motion.driven[6 * body as usize + k..][..3])));
+            let near = self.unseen * self.collider.contact_size(world, contact);
+            let turns = [0, 1].into_iter().any(|k| {
+                let reach = self.collider.sizes(world, pair[k] as usize)[1];
+                time * velocities[k][1].length() * reach > near
+            });
+            if turns {
+                let there = self.collider.gaps_after(world, pair, velocities, time);
+                for (&i, apart) in of.iter().zip(&mut apart) {
+                    let own = &contacts[i as usize];
+                    if let Some((_, gap)) = there.iter().find(|(identity, _)| *identity == own.identity) {
+                        *apart = *gap;
+                    }
+                }
+            }
+        }
+        let least = apart.iter().copied().fold(f64::INFINITY, f64::min);
+        apart.iter().map(|apart| apart - least).collect()
+    }
 }

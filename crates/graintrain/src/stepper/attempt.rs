@@ -3,6 +3,7 @@
 
 use super::bend::bends;
 use super::error::check_velocity;
+use super::flight::unreached;
 use super::mobility;
 use super::repetition::Rounds;
 use super::{StepError, Stepper};
@@ -308,12 +309,23 @@ impl Stepper {
     ) -> Option<Vec<Contact>> {
         let is_ball = |body: u32| self.collider.is_ball(world, body as usize);
         let of_balls = |c: &Contact| is_ball(c.body_a) && is_ball(c.body_b);
-        if impacts.count == 0 && rounds.contacts.iter().all(of_balls) {
+        let gone_on = impacts.gone_on(&rounds.contacts);
+        let free = mechanisms.unmet();
+        let motions = [&impacts.velocity, free.as_slice()];
+        // What does not spring back may land as well by what goes unseen, with which piles settle.
+        let material = |body: u32| world.bodies.material[body as usize].index();
+        let near =
+            |c: &Contact| match world.materials.pair_restitution(material(c.body_a), material(c.body_b)) {
+                e if e > 0.0 => 0.0,
+                _ => self.unseen() * self.collider.contact_size(world, c),
+            };
+        let mut unreached = unreached(world, (&gone_on, rows), motions, self.settings.step, near);
+        unreached.retain(|&(i, _)| rounds.times_met(&rounds.contacts[i]) == 0);
+        if impacts.count == 0 && unreached.is_empty() && rounds.contacts.iter().all(of_balls) {
             return None;
         }
         // With the spin of now, unless joints turn it: its mean in the step, with which the problem is posed,
         // is that of a body that turns on the way.
-        let free = mechanisms.unmet();
         let mut velocity = free.clone();
         for (own, after) in velocity.chunks_exact_mut(6).zip(impacts.velocity.chunks_exact(6)) {
             own[3..].copy_from_slice(&after[3..]);
@@ -337,6 +349,15 @@ impl Stepper {
             if rounds.times_met(before) > usize::from(is_deflected && is_early) {
                 *now = *before;
             }
+        }
+        for (i, (now, before)) in moved.iter_mut().zip(&rounds.contacts).enumerate() {
+            let has_touched = impacts.impulse.get(i).is_some_and(|g| *g != Vec3::ZERO);
+            if gone_on[i].gap != before.gap && !has_touched {
+                *now = gone_on[i];
+            }
+        }
+        for (i, gap) in unreached {
+            moved[i].gap = moved[i].gap.max(gap);
         }
         Some(moved)
     }

@@ -417,7 +417,7 @@ impl Stepper {
             world.bodies.velocity[body] = Vec3::from_slice(&v[..3]);
             world.bodies.angular_velocity[body] = Vec3::from_slice(&v[3..]);
         }
-        attempt.impacts.put_on(world);
+        attempt.impacts.put_on(world, &self.collider);
         let stirred = self.stirred(world, &mut rounds.seen[0]);
         let contacts = &rounds.contacts;
         let unseen = self.unseen();
@@ -435,12 +435,18 @@ impl Stepper {
                 known.remove(&own.identity);
             }
         }
-        let cores = self.cores(world, contacts, &known);
+        // What keeps the time of its touch parts then, however it lies where it would have begun the step.
+        let touched = contacts.iter().zip(&attempt.impacts.impulse).filter(|(contact, impulse)| {
+            **impulse != Vec3::ZERO && attempt.impacts.last_touch(contact) > 0.0
+        });
+        let touched: HashSet<[u32; 2]> = touched.map(|(contact, _)| contact.unordered()).collect();
+        let mut cores = self.cores(world, contacts, &known);
+        cores.retain(|core| !touched.contains(&core.unordered()));
         before.exchange(world);
         let meets = |((c, u), past): ((Contact, &[f64]), Contact)| {
             // A ball is on its way with its velocity of now since its touch only.
             let touch = attempt.impacts.last_touch(&c);
-            if touch > 0.0 && c.gap + touch * u[0] < 0.0 {
+            if touch > 0.0 && (c.gap + touch * u[0] < 0.0 || touched.contains(&c.unordered())) {
                 return None;
             }
             let size = self.collider.contact_size(world, &c);

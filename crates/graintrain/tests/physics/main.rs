@@ -26,5 +26,6 @@ mod repetition;
 mod rotation;
 mod statics;
 mod support;
+mod touches;
 mod trust;
 mod turning;

@@ -1,0 +1,156 @@
+//! Bodies that fly are met where they are: nothing acts on them in the air, and they part with e times the
+//! velocity of the touch, at whatever part of a step that is.
+
+use crate::support::*;
+use graintrain::handle::{BodyId, GeometryId, MaterialId};
+use graintrain::joint::Joint;
+use graintrain::math::{Mat3, Quat, Vec3};
+use graintrain::motion::Motion;
+use graintrain::shape::Geometry;
+use graintrain::stepper::{StepSettings, Stepper};
+use graintrain::world::{Body, MassProperties, World};
+use std::f64::consts::PI;
+
+fn default_stepper(step: f64) -> Stepper {
+    Stepper::new(StepSettings { step, ..StepSettings::default() }).unwrap()
+}
+
+/// A form, how it lies, and the height of its centre when it touches a floor.
+fn forms() -> Vec<(Geometry, Quat, f64)> {
+    let flat = Quat::IDENTITY;
+    let lying = Quat::from_rotation_x(0.5 * PI);
+    vec![
+        (Geometry::sphere(0.05).unwrap(), flat, 0.05),
+        (Geometry::cuboid(Vec3::new(0.05, 0.05, 0.03)).unwrap(), flat, 0.03),
+        (Geometry::capsule(0.05, 0.03).unwrap(), lying, 0.03),
+        (Geometry::capsule(0.05, 0.03).unwrap(), flat, 0.08),
+        (Geometry::cylinder(0.05, 0.03).unwrap(), lying, 0.03),
+        (Geometry::cylinder(0.05, 0.03).unwrap(), flat, 0.05),
+    ]
+}
+
+/// That body with this gap over the floor and this velocity.
+fn over_floor(of: &(Geometry, Quat, f64), law: [f64; 2], gap: f64, velocity: Vec3) -> World {
+    let (geometry, orientation, half) = of;
+    let mut world = world(law[0], law[1]);
+    add_ground(&mut world, 0.0);
+    let geometry = world.add_geometry(geometry.clone());
+    let body = Body::new(geometry, MaterialId::default(), (half + gap) * Vec3::Z);
+    world.add_body(Body { orientation: *orientation, velocity, ..body }).unwrap();
+    world
+}
+
+/// What falls on a floor flies until it touches and comes back with e^2 of the energy of the touch, at any
+/// phase and any step; friction takes mu times the normal impulse, from the touch on.
+#[test]
+fn what_flies_bounces_where_it_touches_at_any_phase() {
+    for form in forms() {
+        for (k, e) in [0.01, 0.2, 0.5, 0.9, 1.0].into_iter().enumerate() {
+            for (step, speed) in [(1e-3, 1.0), (5e-3, 1.0), (20e-3, 1.0), (20e-3, 3.0)] {
+                for phase in 0..16 {
+                    let friction = if form.2 == 0.03 && k % 2 == 1 { 0.3 } else { 0.0 };
+                    let gap = (f64::from(phase) + 0.5) / 15.0 * (speed + G * step) * step;
+                    let velocity = Vec3::new(2.0, 0.0, -speed);
+                    let mut world = over_floor(&form, [friction, e], gap, velocity);
+                    let what = format!("{form:?}, e = {e}, {step} s, {speed} m/s, phase {phase}");
+                    let touch = (speed * speed + 2.0 * G * gap).sqrt();
+                    let mut stepper = default_stepper(step);
+                    let place = |world: &World| world.bodies.position[1].z - form.2;
+                    for made in 1.. {
+                        run(&mut stepper, &mut world, 1);
+                        let (time, u) = (f64::from(made) * step, world.bodies.velocity[1]);
+                        let flown = gap - speed * time - 0.5 * G * time * time;
+                        if flown > 1e-9 {
+                            let expected = Vec3::new(2.0, 0.0, -speed - G * time);
+                            assert!((u - expected).length() < 1e-9, "{what}: in the air {u}");
+                            assert_close(place(&world), flown, 1e-12, &what);
+                            continue;
+                        }
+                        assert!(place(&world) > -1e-4, "{what}: {}", place(&world));
+                        if e * touch < 2.0 * G * step {
+                            run(&mut stepper, &mut world, 2);
+                        }
+                        let u = world.bodies.velocity[1];
+                        // What comes back within the step rests or has little.
+                        let energy = u.z * u.z + 2.0 * G * place(&world);
+                        let expected = e * e * touch * touch;
+                        if e * touch < 2.0 * G * step {
+                            assert!(energy < expected.max(4.0 * G * G * step * step), "{what}: {energy}");
+                        } else {
+                            assert!(
+                                (energy - expected).abs() < 1e-5 * expected,
+                                "{what}: {energy}, expected {expected}"
+                            );
+                            let slid = 2.0 - friction * (1.0 + e) * touch;
+                            if friction > 0.0 && form.1 == Quat::IDENTITY {
+                                assert_close(u.x, slid, 1e-5, &what);
+                            }
+                        }
+                        break;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A rod on a hinge strikes a free box with its whole face: both edges at once, at any phase: the box leaves
+/// as the rod came, seen from the rod, with angular momentum about the hinge kept.
+#[test]
+fn a_hammer_strikes_a_box_flush_at_any_phase() {
+    for step in [1e-3, 2e-3, 5e-3] {
+        for phase in 0..8 {
+            let mut world = world(0.0, 1.0);
+            world.gravity = Vec3::ZERO;
+            let mut add = |half: Vec3, mass: f64, body: Body| {
+                let [x, y, z] = (2.0 * half).to_array();
+                let inertia = mass / 12.0 * Vec3::new(y * y + z * z, x * x + z * z, x * x + y * y);
+                let mass = Some(MassProperties { mass, inertia: Mat3::from_diagonal(inertia) });
+                let geometry = world.add_geometry(Geometry::cuboid(half).unwrap());
+                world.add_body(Body { mass, geometry, ..body }).unwrap()
+            };
+            let body = Body::new(GeometryId::from_index(0), MaterialId::default(), 0.5 * Vec3::X);
+            let (spin, arm, angle) = (6.6, 0.6, 0.3 + 6.6 * step * f64::from(phase) / 8.0);
+            let (velocity, angular_velocity) = (0.5 * spin * Vec3::Y, spin * Vec3::Z);
+            let rod =
+                add(Vec3::new(0.5, 0.02, 0.02), 1.0, Body { velocity, angular_velocity, ..body.clone() });
+            let turn = Quat::from_rotation_z(angle);
+            let place = turn * Vec3::new(arm, 0.07, 0.0);
+            let free =
+                add(Vec3::new(0.03, 0.05, 0.03), 0.15, Body { position: place, orientation: turn, ..body });
+            world.add_joint(Joint::revolute(None, rod, Vec3::ZERO, Vec3::Z)).unwrap();
+            let [rod, free] = [rod, free].map(BodyId::index);
+            run(&mut default_stepper(step), &mut world, (0.07 / step) as usize);
+            let inertia = 1.0 / 3.0 + 0.04 * 0.04 / 12.0;
+            let by_box = 0.15 * (arm * arm + (0.06 * 0.06 + 0.1 * 0.1) / 12.0);
+            let (speed, left) = (2.0 * spin * arm * inertia, inertia - by_box);
+            let [expected, left] = [speed, spin * left].map(|of| of / (inertia + by_box));
+            let (got, turns) = (world.bodies.velocity[free].length(), world.bodies.angular_velocity[free].z);
+            let what = format!("{step} s, phase {phase}, turns at {turns}");
+            assert_close(got, expected, 0.02 * expected, &what);
+            assert_close(turns, left + spin, 0.1 * spin, &what);
+            assert_close(world.bodies.angular_velocity[rod].z, left, 0.02 * spin, &what);
+        }
+    }
+}
+
+/// A frustum that falls flat on a flat mesh, without friction and with e = 1, bounces without a turn.
+#[test]
+fn a_frustum_that_falls_flat_on_a_mesh_bounces_flat() {
+    for (k, step) in [5e-4, 1e-3, 3e-3, 10e-3].into_iter().enumerate() {
+        let mut world = world(0.0, 1.0);
+        let corner = |x: f64, y: f64| Vec3::new(x, y, 0.0);
+        let vertices =
+            [(-3.0, -3.0), (3.0, -3.0), (3.0, 3.0), (-3.0, 3.0), (0.1, 0.05)].map(|(x, y)| corner(x, y));
+        let triangles = vec![[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]];
+        let mesh = world.add_geometry(Geometry::mesh(vertices.to_vec(), triangles).unwrap());
+        let motion = world.add_motion(Motion::fixed()).unwrap();
+        world.add_body(Body { motion, ..Body::new(mesh, MaterialId::default(), Vec3::ZERO) }).unwrap();
+        let cone = world.add_geometry(Geometry::cone(0.05, 0.05, 0.03).unwrap());
+        let place = Vec3::new(0.02, 0.01, 0.4009183673469388 + 1e-3 * k as f64);
+        world.add_body(Body::new(cone, MaterialId::default(), place)).unwrap();
+        run(&mut default_stepper(step), &mut world, (1.5 / step) as usize);
+        let turns = world.bodies.angular_velocity[1].length();
+        assert!(turns < 1e-3, "{step} s: {turns}");
+    }
+}
