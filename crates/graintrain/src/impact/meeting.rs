@@ -95,9 +95,10 @@ impl ImpactSolver<'_> {
     }
 }
 
-/// Contacts between the same two bodies, or of one body with driven ones, that close.
+/// Contacts between the same two bodies, or of one body with driven ones.
 struct Group<'a> {
-    contacts: &'a [u32],
+    /// Those that close, and others that approach: the flag, and the contact.
+    contacts: &'a [([u32; 2], bool, u32)],
     /// When the first of them touches, s.
     time: f64,
 }
@@ -118,26 +119,34 @@ impl ImpactSolver<'_> {
     ) -> Vec<u32> {
         let mut is_single: Vec<bool> =
             (0..world.bodies.len()).map(|body| !world.is_prescribed(body)).collect();
+        for &body in coupled.iter().flat_map(|mechanism| &mechanism.bodies) {
+            is_single[body as usize] = false;
+        }
         let held = |body: u32| if world.is_prescribed(body as usize) { u32::MAX } else { body };
         let key = |i: u32| {
             let mut pair = contacts[i as usize].unordered().map(held);
             pair.sort_unstable();
             pair
         };
-        for &body in coupled.iter().flat_map(|mechanism| &mechanism.bodies) {
-            is_single[body as usize] = false;
-        }
+        let all = [(closing, false), (approaching, true)].into_iter();
+        let all = all.flat_map(|(of, approaches)| of.iter().map(move |&i| (approaches, i)));
+        let mut sorted: Vec<([u32; 2], bool, u32)> = all.map(|(other, i)| (key(i), other, i)).collect();
+        sorted.sort_unstable();
         let time = |i: u32| motion.gap[i as usize].max(0.0) / -motion.now[3 * i as usize];
-        let mut sorted = closing.to_vec();
-        sorted.sort_by_key(|&i| (key(i), i));
-        let mut first = vec![f64::INFINITY; world.bodies.len()];
+        let closing_of = |group: &'_ [([u32; 2], bool, u32)]| group.partition_point(|(_, other, _)| !other);
         let groups: Vec<Group<'_>> = sorted
-            .chunk_by(|&i, &j| key(i) == key(j))
-            .map(|contacts| Group { contacts, time: contacts.iter().map(|&i| time(i)).fold(step, f64::min) })
+            .chunk_by(|a, b| a.0 == b.0)
+            .filter(|group| closing_of(group) > 0)
+            .map(|contacts| {
+                let closing = contacts[..closing_of(contacts)].iter();
+                Group { contacts, time: closing.map(|&(.., i)| time(i)).fold(step, f64::min) }
+            })
             .collect();
         let bodies = |i: u32| contacts[i as usize].unordered().map(|body| body as usize);
+        let mut first = vec![f64::INFINITY; world.bodies.len()];
         for group in &groups {
-            for body in group.contacts.iter().flat_map(|&i| bodies(i)) {
+            let closing = group.contacts[..closing_of(group.contacts)].iter();
+            for body in closing.flat_map(|&(.., i)| bodies(i)) {
                 first[body] = first[body].min(group.time);
             }
         }
@@ -145,15 +154,12 @@ impl ImpactSolver<'_> {
             bodies(i).iter().all(|&body| !is_single[body] || time <= first[body] + SAME_TIME * step)
         };
         let mut found = Vec::new();
-        for group in groups {
-            let others = approaching.iter().copied().filter(|&i| key(i) == key(group.contacts[0]));
-            let all: Vec<u32> = group.contacts.iter().copied().chain(others).collect();
-            let apart = self.apart_at(world, contacts, motion, &all, group.time);
-            for (k, (&i, apart)) in all.iter().zip(apart).enumerate() {
+        for Group { contacts: all, time } in groups {
+            let of: Vec<u32> = all.iter().map(|&(.., i)| i).collect();
+            for (&(_, other, i), apart) in all.iter().zip(self.apart_at(world, contacts, motion, &of, time)) {
                 let is_alone = bodies(i).iter().any(|&body| is_single[body]);
                 let near = self.unseen * self.collider.contact_size(world, &contacts[i as usize]);
-                let is_together = apart <= near || !is_alone && k < group.contacts.len();
-                if is_together && is_first(i, group.time) {
+                if (apart <= near || !is_alone && !other) && is_first(i, time) {
                     found.push(i);
                 }
             }
@@ -172,16 +178,16 @@ impl ImpactSolver<'_> {
         of: &[u32],
         time: f64,
     ) -> Vec<f64> {
-        let linear = |&i: &u32| motion.gap[i as usize] + time * motion.now[3 * i as usize];
-        let mut apart: Vec<f64> = of.iter().map(linear).collect();
         if of.len() == 1 {
             return vec![0.0];
         }
+        let linear = |&i: &u32| motion.gap[i as usize] + time * motion.now[3 * i as usize];
+        let mut apart: Vec<f64> = of.iter().map(linear).collect();
+        let has_gone_on = of.iter().any(|&i| motion.gap[i as usize] != contacts[i as usize].gap);
         let mut pairs: Vec<[u32; 2]> = Vec::new();
-        for contact in of.iter().map(|&i| &contacts[i as usize]) {
+        for contact in of.iter().map(|&i| &contacts[i as usize]).filter(|_| !has_gone_on) {
             let pair = [contact.body_a, contact.body_b];
-            let has_gone_on = of.iter().any(|&i| motion.gap[i as usize] != contacts[i as usize].gap);
-            if pairs.contains(&pair) || has_gone_on {
+            if pairs.contains(&pair) {
                 continue;
             }
             pairs.push(pair);

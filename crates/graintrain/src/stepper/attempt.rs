@@ -312,14 +312,11 @@ impl Stepper {
         let gone_on = impacts.gone_on(&rounds.contacts);
         let free = mechanisms.unmet();
         let motions = [&impacts.velocity, free.as_slice()];
-        // What does not spring back may land as well by what goes unseen, with which piles settle.
+        // What does not spring back may as well land: the next step would take its velocity.
         let material = |body: u32| world.bodies.material[body as usize].index();
-        let near =
-            |c: &Contact| match world.materials.pair_restitution(material(c.body_a), material(c.body_b)) {
-                e if e > 0.0 => 0.0,
-                _ => self.unseen() * self.collider.contact_size(world, c),
-            };
-        let mut unreached = unreached(world, (&gone_on, rows), motions, self.settings.step, near);
+        let springs =
+            |c: &Contact| world.materials.pair_restitution(material(c.body_a), material(c.body_b)) > 0.0;
+        let mut unreached = unreached(world, (&gone_on, rows), motions, self.settings.step, springs);
         unreached.retain(|&(i, _)| rounds.times_met(&rounds.contacts[i]) == 0);
         if impacts.count == 0 && unreached.is_empty() && rounds.contacts.iter().all(of_balls) {
             return None;

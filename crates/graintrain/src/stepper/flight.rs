@@ -1,7 +1,7 @@
 //! How bodies go through a step.
 
 use super::attempt::Attempt;
-use crate::assemble::relative_velocities;
+use crate::assemble::{of_each, relative_velocities};
 use crate::contact::Contact;
 use crate::impact::{Flight, carried};
 use crate::integrate::{Course, with_driven};
@@ -44,7 +44,7 @@ pub(super) fn courses(world: &World, contacts: &[Contact], attempt: &Attempt, st
 /// Gaps of contacts whose bodies do not touch in the step though they end it fast enough to have closed:
 /// what flies has fallen by half of what its velocity says then. With them Phi + dt u_n is 0 where nothing
 /// else acts. None for bodies that meet something in the step, or that a contact carried in the last one.
-/// Nor where they end nearer than `near`, m: there they land.
+/// Nor of what does not spring back (`springs`): it lands.
 /// `before` and `free` are the velocities after the impacts and after the step if no contact acted, six
 /// numbers per body.
 pub(super) fn unreached(
@@ -52,27 +52,40 @@ pub(super) fn unreached(
     (contacts, rows): (&[Contact], &[RigidContact]),
     [before, free]: [&[f64]; 2],
     step: f64,
-    near: impl Fn(&Contact) -> f64,
+    springs: impl Fn(&Contact) -> bool,
 ) -> Vec<(usize, f64)> {
+    let (carried, flies) = (carried(world), load::flies(world, step));
+    let is_settled = |body: usize| carried[body] || world.is_prescribed(body);
+    let both = |contact: &Contact| contact.unordered().map(|body| body as usize);
+    // In a pile that rests all are settled.
+    let of: Vec<u32> = (0..contacts.len() as u32)
+        .filter(|&i| !both(&contacts[i as usize]).into_iter().all(is_settled))
+        .collect();
+    if !of.iter().any(|&i| springs(&contacts[i as usize])) || !flies.contains(&true) {
+        return Vec::new();
+    }
     let before = with_driven(world, before, step);
     let flight = Flight::of(world, [&before, free], step);
-    let carried = carried(world);
-    let of = |velocity: &[f64]| relative_velocities(world.cell(), contacts, rows, velocity);
-    let (end, mean) = (of(&flight.end), of(&flight.mean));
+    let own = of_each(&of, |&i| contacts[i as usize]);
+    let own_rows = of_each(&of, |&i| rows[i as usize]);
+    let normal = |velocity: &[f64]| {
+        let u = relative_velocities(world.cell(), &own, &own_rows, velocity);
+        u.into_iter().step_by(3).collect::<Vec<f64>>()
+    };
+    let (end, mean) = (normal(&flight.end), normal(&flight.mean));
     let mut meets = vec![false; carried.len()];
-    for (contact, mean) in contacts.iter().zip(mean.chunks_exact(3)) {
-        if contact.gap + step * mean[0] <= 0.0 {
-            contact.unordered().into_iter().for_each(|body| meets[body as usize] = true);
+    for (contact, mean) in own.iter().zip(&mean) {
+        if contact.gap + step * mean <= 0.0 {
+            both(contact).into_iter().for_each(|body| meets[body] = true);
         }
     }
-    let is_settled = |body: usize| carried[body] || world.is_prescribed(body);
-    let is_unreached = |&(i, gap): &(usize, f64)| {
-        let contact = &contacts[i];
-        let mut pair = contact.unordered().into_iter().map(|body| body as usize);
-        gap > contact.gap
-            && contact.gap + step * mean[3 * i] > near(contact)
+    let is_unreached = |&k: &usize| {
+        let contact = &own[k];
+        -step * end[k] > contact.gap
+            && contact.gap + step * mean[k] > 0.0
             && flight.has(contact)
-            && pair.all(|body| is_settled(body) || !meets[body])
+            && springs(contact)
+            && both(contact).into_iter().all(|body| is_settled(body) || !meets[body])
     };
-    (0..contacts.len()).map(|i| (i, -step * end[3 * i])).filter(is_unreached).collect()
+    (0..of.len()).filter(is_unreached).map(|k| (of[k] as usize, -step * end[k])).collect()
 }
