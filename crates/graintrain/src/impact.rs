@@ -88,7 +88,7 @@ const SAME_TIME: f64 = 1e-6;
 
 /// What touches within this fraction of the end of a step does so in the next one: contacts that touch
 /// together would close in two steps by rounding alone.
-const LAST: f64 = 1e-9;
+pub(crate) const LAST: f64 = 1e-9;
 
 /// Approaches below this fraction of the relative velocity are rounding.
 const ROUNDING: f64 = 1e-12;
@@ -223,12 +223,12 @@ impl ImpactSolver<'_> {
             if pressed.is_some() {
                 all = joined_by_cell(all, of.contacts);
             }
-            // The rest of what one meets that is no impact yet waits for it.
             let comes_back =
                 |&i: &u32| motion.comes_back(world, of, i as usize, restitution[i as usize], step);
-            all.retain(|part| part.contacts.iter().any(comes_back));
-            if all.is_empty() {
-                break;
+            let (all, waiting): (Vec<Part>, Vec<Part>) =
+                all.into_iter().partition(|part| part.contacts.iter().any(comes_back));
+            for &i in waiting.iter().flat_map(|part| &part.contacts) {
+                motion.waits[i as usize] = true;
             }
             let (before, mut touched) = (motion.now.clone(), Vec::new());
             for part in all {
@@ -270,12 +270,16 @@ impl ImpactSolver<'_> {
         let approaches = |i: &u32| {
             let i = *i as usize;
             let (u, by_now) = (motion.now[3 * i], motion.by_now[3 * i]);
-            (restitution[i] > 0.0 || motion.is_timed(i)) && u.max(u - by_now) < -slow[i]
+            let is_impact = !motion.waits[i] && (restitution[i] > 0.0 || motion.is_timed(i));
+            is_impact && u.max(u - by_now) < -slow[i]
         };
         let closes = |i: &u32| {
             let i = *i as usize;
             let gap = motion.gap[i];
-            gap <= 0.0 || gap + (1.0 - LAST) * step * motion.mean(i) <= 0.0
+            // What was seen to be met has its plane as it is in the contact problem, too.
+            let is_met = self.met.contains_key(&of.contacts[i].identity);
+            let u = if is_met { motion.later[3 * i] } else { motion.mean(i) };
+            gap <= 0.0 || gap + (1.0 - LAST) * step * u <= 0.0
         };
         let approaching = (0..of.contacts.len() as u32).filter(approaches);
         let (closing, approaching): (Vec<u32>, Vec<u32>) = approaching.partition(closes);
@@ -434,6 +438,8 @@ struct Motion {
     gap: Vec<f64>,
     /// Whether their time of touch is kept; empty: of none.
     timed: Vec<bool>,
+    /// Whether they are no impacts of this step, because they do not come back so far.
+    waits: Vec<bool>,
     /// The periodic cell as it deforms now, and as it would after the step if no contact acted.
     cells: [Option<Cell>; 2],
     /// What impacts have changed of its rates, 1/s.
@@ -482,8 +488,9 @@ impl Motion {
         let slower = relative_velocities(None, of.contacts, of.rows, &slower);
         let slower = slower.into_iter().step_by(3).zip(of.contacts);
         let slower = slower.map(|(u, contact)| if flight.has(contact) { u } else { 0.0 }).collect();
-        let (gap, timed, rate) = (of.contacts.iter().map(|c| c.gap).collect(), Vec::new(), [0.0; 6]);
-        Self { free, driven, to_now, by_now, now, later, fall, slower, gap, timed, cells, rate }
+        let gap = of.contacts.iter().map(|c| c.gap).collect();
+        let (timed, waits, rate) = (Vec::new(), vec![false; of.contacts.len()], [0.0; 6]);
+        Self { free, driven, to_now, by_now, now, later, fall, slower, gap, timed, waits, cells, rate }
     }
 
     /// Velocities at which the contacts of a part close now, three numbers each, and the restitutions with

@@ -3,7 +3,7 @@
 use super::attempt::Attempt;
 use crate::assemble::{of_each, relative_velocities};
 use crate::contact::Contact;
-use crate::impact::{Flight, carried};
+use crate::impact::{Flight, LAST, carried};
 use crate::integrate::{Course, with_driven};
 use crate::load;
 use crate::world::World;
@@ -41,12 +41,11 @@ pub(super) fn courses(world: &World, contacts: &[Contact], attempt: &Attempt, st
     courses
 }
 
-/// Gaps of contacts whose bodies do not touch in the step though they end it fast enough to have closed:
-/// what flies has fallen by half of what its velocity says then. With them Phi + dt u_n is 0 where nothing
-/// else acts. None for bodies that meet something in the step, or that a contact carried in the last one.
-/// Nor of what does not spring back (`springs`): it lands.
-/// `before` and `free` are the velocities after the impacts and after the step if no contact acted, six
-/// numbers per body.
+/// Gaps of contacts whose bodies do not touch in the step though they end it fast enough to have closed: what
+/// flies has fallen by half of what its velocity says then. With them Phi + dt u_n is the gap at the end
+/// where nothing else acts. None for bodies that meet something in the step, or that a contact carried in the
+/// last one. Nor of what does not spring back (`springs`): it lands. `before` and `free` are the velocities
+/// after the impacts and after the step if no contact acted, six numbers per body.
 pub(super) fn unreached(
     world: &World,
     (contacts, rows): (&[Contact], &[RigidContact]),
@@ -75,17 +74,18 @@ pub(super) fn unreached(
     let (end, mean) = (normal(&flight.end), normal(&flight.mean));
     let mut meets = vec![false; carried.len()];
     for (contact, mean) in own.iter().zip(&mean) {
-        if contact.gap + step * mean <= 0.0 {
+        if contact.gap + (1.0 - LAST) * step * mean <= 0.0 {
             both(contact).into_iter().for_each(|body| meets[body] = true);
         }
     }
     let is_unreached = |&k: &usize| {
         let contact = &own[k];
         -step * end[k] > contact.gap
-            && contact.gap + step * mean[k] > 0.0
+            && contact.gap + (1.0 - LAST) * step * mean[k] > 0.0
             && flight.has(contact)
             && springs(contact)
             && both(contact).into_iter().all(|body| is_settled(body) || !meets[body])
     };
-    (0..of.len()).filter(is_unreached).map(|k| (of[k] as usize, -step * end[k])).collect()
+    let gap = |k: usize| own[k].gap + step * (mean[k] - end[k]);
+    (0..of.len()).filter(is_unreached).map(|k| (of[k] as usize, gap(k))).collect()
 }
