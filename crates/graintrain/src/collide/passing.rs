@@ -23,6 +23,9 @@ const CORES: [u64; 2] = [u64::MAX, u64::MAX - 1];
 /// Radius of a core over the depth of the centre.
 const CORE_SHARE: f64 = 0.9;
 
+/// A gap over the smaller one's size that rounding does not close and nobody sees.
+const HAIR: f64 = 1e-6;
+
 /// How a body goes through a step of dt: x(t) = x + t (u - (1 - t / dt) c / 2), which ends at x + dt u.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Course {
@@ -209,8 +212,9 @@ impl Collider {
     /// pass each other though planes have them overlap at the end of the step by more than `seen` of the
     /// smaller one's size, Phi + dt u_n < 0 (`u`: three numbers per contact), and they overlap on their way
     /// by no more than the fraction `allowed` of that: the plane is further off, so that it pushes only what
-    /// is deflected across it. Phi + dt u_n is 0 then, and for balls, along the line of centres, so that
-    /// angular momentum stays, how near they come. `bends`: the [`Course::bend`] of every body; empty: none.
+    /// is deflected across it. Phi + dt u_n is a hair then, lest rounding presses, and for balls, along the
+    /// line of centres, so that angular momentum stays, how near they come. `bends`: the [`Course::bend`] of
+    /// every body; empty: none.
     pub(crate) fn flown_past(
         &self,
         world: &World,
@@ -250,7 +254,7 @@ impl Collider {
                     [Course { bend: bend(first.body_a), ..a }, Course { bend: bend(first.body_b), ..b }];
                 self.pass_freely(world, pair(first), courses, step, &[allowed], 0.0)[0]
             });
-            closing.filter(|_| passes).map(|i| (i, closed(i))).collect::<Vec<_>>()
+            closing.filter(|_| passes).map(|i| (i, closed(i) + HAIR * size)).collect::<Vec<_>>()
         });
         for (i, gap) in gaps.collect::<Vec<_>>() {
             moved[i].gap = gap;

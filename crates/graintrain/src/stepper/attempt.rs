@@ -309,17 +309,11 @@ impl Stepper {
     ) -> Option<Vec<Contact>> {
         let is_ball = |body: u32| self.collider.is_ball(world, body as usize);
         let of_balls = |c: &Contact| is_ball(c.body_a) && is_ball(c.body_b);
-        let gone_on = impacts.gone_on(&rounds.contacts);
         let free = mechanisms.unmet();
         let motions = [&impacts.velocity, free.as_slice()];
-        // What does not spring back may as well land: the next step would take its velocity.
-        let material = |body: u32| world.bodies.material[body as usize].index();
-        let springs =
-            |c: &Contact| world.materials.pair_restitution(material(c.body_a), material(c.body_b)) > 0.0;
-        let mut unreached = unreached(world, (&gone_on, rows), motions, self.settings.step, springs);
-        unreached.retain(|&(i, _)| rounds.times_met(&rounds.contacts[i]) == 0);
-        if impacts.count == 0 && unreached.is_empty() && rounds.contacts.iter().all(of_balls) {
-            return None;
+        if impacts.count == 0 && rounds.contacts.iter().all(of_balls) {
+            let unreached = self.unreached(world, rounds, (&rounds.contacts, rows), motions);
+            return (!unreached.is_empty()).then(|| raised(rounds.contacts.clone(), unreached));
         }
         // With the spin of now, unless joints turn it: its mean in the step, with which the problem is posed,
         // is that of a body that turns on the way.
@@ -347,16 +341,32 @@ impl Stepper {
                 *now = *before;
             }
         }
-        for (i, (now, before)) in moved.iter_mut().zip(&rounds.contacts).enumerate() {
+        let gone_on = impacts.gone_on(&rounds.contacts);
+        let mut as_bodies_go_on = moved.clone();
+        for (i, before) in rounds.contacts.iter().enumerate().filter(|(i, c)| gone_on[*i].gap != c.gap) {
+            as_bodies_go_on[i] = gone_on[i];
             let has_touched = impacts.impulse.get(i).is_some_and(|g| *g != Vec3::ZERO);
-            if gone_on[i].gap != before.gap && !has_touched {
-                *now = gone_on[i];
-            }
+            moved[i] = if has_touched { *before } else { gone_on[i] };
         }
-        for (i, gap) in unreached {
-            moved[i].gap = moved[i].gap.max(gap);
-        }
-        Some(moved)
+        let unreached = self.unreached(world, rounds, (&as_bodies_go_on, rows), motions);
+        Some(raised(moved, unreached))
+    }
+
+    /// See [`unreached`]: of contacts that spring back, and that were not seen to be met.
+    fn unreached(
+        &self,
+        world: &World,
+        rounds: &Rounds,
+        of: (&[Contact], &[RigidContact]),
+        motions: [&[f64]; 2],
+    ) -> Vec<(usize, f64)> {
+        // What does not spring back may as well land: the next step would take its velocity.
+        let material = |body: u32| world.bodies.material[body as usize].index();
+        let springs =
+            |c: &Contact| world.materials.pair_restitution(material(c.body_a), material(c.body_b)) > 0.0;
+        let mut unreached = unreached(world, of, motions, self.settings.step, springs);
+        unreached.retain(|&(i, _)| rounds.times_met(&rounds.contacts[i]) == 0);
+        unreached
     }
 
     /// The impacts before the step.
@@ -523,6 +533,14 @@ impl Stepper {
         PartSolver { solver: self.solver.as_mut(), settings, parameters, whole, gravity, step, unsolved }
             .solve(problem, impulse)
     }
+}
+
+/// Contacts with larger gaps at some places.
+fn raised(mut contacts: Vec<Contact>, gaps: Vec<(usize, f64)>) -> Vec<Contact> {
+    for (i, gap) in gaps {
+        contacts[i].gap = contacts[i].gap.max(gap);
+    }
+    contacts
 }
 
 /// The contacts at these places, ascending: all of them as they are, in most steps.
