@@ -191,7 +191,8 @@ impl ImpactSolver<'_> {
     ) -> Result<Option<Impacts>, CcpError> {
         let Laws { restitution, coupled, pressed, .. } = laws;
         let pushed = pressed.as_ref().map_or(0.0, Pressed::speed);
-        let mut motion = Motion::of(world, of, (coupled, pressed.as_ref()), &found.velocity, step);
+        let (held, seen) = ((coupled.as_slice(), pressed.as_ref()), (self.collider, self.unseen));
+        let mut motion = Motion::of(world, of, held, seen, &found.velocity, step);
         motion.timed = timed;
         let slow: Vec<f64> = of
             .contacts
@@ -451,6 +452,7 @@ impl Motion {
         world: &World,
         of: Rows<'_>,
         (coupled, pressed): (&[CoupledBodies], Option<&Pressed<'_>>),
+        seen: (&Collider, f64),
         velocity: &[f64],
         step: f64,
     ) -> Self {
@@ -461,7 +463,7 @@ impl Motion {
             coupled_in_impacts(world, &mut falling, step);
         }
         let is_carried = carrying(world).any(|contact| contact.image != [0; 3]);
-        let (carried, flight) = (carried(world), Flight::of(world, [&driven, &free], step));
+        let (carried, flight) = (carried(world), Flight::of(world, seen, [&driven, &free], step));
         // A link that a contact carries does not hold the rest of its mechanism.
         let mut is_linked = vec![false; world.bodies.len()];
         let links = coupled.iter().flat_map(|mechanism| &mechanism.bodies);
@@ -569,7 +571,8 @@ pub(crate) fn carried(world: &World) -> Vec<bool> {
 }
 
 /// How bodies that fly ([`load::flies`]) go through a step if no contact acts: x + dt (u' + u+) / 2, where
-/// all else goes x + dt u+. What a contact carried in the last step goes on being carried.
+/// all else goes x + dt u+. What a contact carried in the last step goes on being carried; what turns visibly
+/// is off its contacts by more than that.
 pub(crate) struct Flight {
     /// Whether a body flies and was not carried.
     flies: Vec<bool>,
@@ -579,9 +582,14 @@ pub(crate) struct Flight {
 }
 
 impl Flight {
-    /// With these velocities before the step, and after it if no contact acted, six numbers per body.
-    pub(crate) fn of(world: &World, [before, free]: [&[f64]; 2], step: f64) -> Self {
+    /// With these velocities before the step, and after it if no contact acted, six numbers per body. `seen`:
+    /// see [`Collider::turns`].
+    pub(crate) fn of(world: &World, seen: (&Collider, f64), [before, free]: [&[f64]; 2], step: f64) -> Self {
         let (mut flies, carried) = (load::flies(world, step), carried(world));
+        let (collider, unseen) = seen;
+        for (body, flies) in flies.iter_mut().enumerate() {
+            *flies &= !collider.turns(world, body, step, unseen);
+        }
         let (mut end, mut mean) = (free.to_vec(), free.to_vec());
         for body in (0..flies.len()).filter(|&body| flies[body]) {
             for k in 6 * body..6 * body + 3 {

@@ -174,6 +174,14 @@ impl Collider {
         self.form(world, body).ball.is_some()
     }
 
+    /// Whether a body turns in a step by more than the fraction `unseen` of its size; a ball's turn moves no
+    /// contact.
+    pub(crate) fn turns(&self, world: &World, body: usize, step: f64, unseen: f64) -> bool {
+        let [size, reach] = self.sizes(world, body);
+        let way = step * world.bodies.angular_velocity[body].length() * reach;
+        way > unseen * size && !self.is_ball(world, body)
+    }
+
     /// How far a body reaches from its centre along a unit vector, and along any, m; infinite for planes.
     pub(crate) fn reach(&self, world: &World, body: usize, direction: Vec3) -> (f64, f64) {
         let Placed { form, orientation, .. } = self.placed(world, body);

@@ -230,12 +230,11 @@ fn alone(world: &World, (collider, unseen): (&Collider, f64), contacts: &[Contac
     }
     let is_alone = |body: u32| {
         let k = body as usize;
-        let turns = || {
-            let [size, reach] = collider.sizes(world, k);
-            step * world.bodies.angular_velocity[k].length() * reach > unseen * size
+        let is_lone = match collider.is_ball(world, k) {
+            true => count[k] == 1,
+            false => !meets_turning[k] && !collider.turns(world, k, step, unseen),
         };
-        let is_lone = |ball: bool| if ball { count[k] == 1 } else { !meets_turning[k] && !turns() };
-        world.is_prescribed(k) || flies[k] && is_lone(collider.is_ball(world, k))
+        world.is_prescribed(k) || flies[k] && is_lone
     };
     let compliance = elasticity::compliances(world, contacts, step);
     let is_rigid = |i: usize| compliance.get(i).is_none_or(|&c| c == 0.0);

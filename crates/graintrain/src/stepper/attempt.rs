@@ -364,7 +364,8 @@ impl Stepper {
         let material = |body: u32| world.bodies.material[body as usize].index();
         let springs =
             |c: &Contact| world.materials.pair_restitution(material(c.body_a), material(c.body_b)) > 0.0;
-        let mut unreached = unreached(world, of, motions, self.settings.step, springs);
+        let seen = (&self.collider, self.unseen());
+        let mut unreached = unreached(world, of, seen, motions, self.settings.step, springs);
         unreached.retain(|&(i, _)| rounds.times_met(&rounds.contacts[i]) == 0);
         unreached
     }

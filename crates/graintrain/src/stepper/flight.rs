@@ -2,6 +2,7 @@
 
 use super::attempt::Attempt;
 use crate::assemble::{of_each, relative_velocities};
+use crate::collide::Collider;
 use crate::contact::Contact;
 use crate::impact::{Flight, LAST, carried};
 use crate::integrate::{Course, with_driven};
@@ -49,6 +50,7 @@ pub(super) fn courses(world: &World, contacts: &[Contact], attempt: &Attempt, st
 pub(super) fn unreached(
     world: &World,
     (contacts, rows): (&[Contact], &[RigidContact]),
+    seen: (&Collider, f64),
     [before, free]: [&[f64]; 2],
     step: f64,
     springs: impl Fn(&Contact) -> bool,
@@ -64,7 +66,7 @@ pub(super) fn unreached(
         return Vec::new();
     }
     let before = with_driven(world, before, step);
-    let flight = Flight::of(world, [&before, free], step);
+    let flight = Flight::of(world, seen, [&before, free], step);
     let own = of_each(&of, |&i| contacts[i as usize]);
     let own_rows = of_each(&of, |&i| rows[i as usize]);
     let normal = |velocity: &[f64]| {
