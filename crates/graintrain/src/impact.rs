@@ -224,12 +224,12 @@ impl ImpactSolver<'_> {
             if pressed.is_some() {
                 all = joined_by_cell(all, of.contacts);
             }
+            // The rest of what one meets that is no impact yet waits for it.
             let comes_back =
                 |&i: &u32| motion.comes_back(world, of, i as usize, restitution[i as usize], step);
-            let (all, waiting): (Vec<Part>, Vec<Part>) =
-                all.into_iter().partition(|part| part.contacts.iter().any(comes_back));
-            for &i in waiting.iter().flat_map(|part| &part.contacts) {
-                motion.waits[i as usize] = true;
+            all.retain(|part| part.contacts.iter().any(comes_back));
+            if all.is_empty() {
+                break;
             }
             let (before, mut touched) = (motion.now.clone(), Vec::new());
             for part in all {
@@ -271,8 +271,7 @@ impl ImpactSolver<'_> {
         let approaches = |i: &u32| {
             let i = *i as usize;
             let (u, by_now) = (motion.now[3 * i], motion.by_now[3 * i]);
-            let is_impact = !motion.waits[i] && (restitution[i] > 0.0 || motion.is_timed(i));
-            is_impact && u.max(u - by_now) < -slow[i]
+            (restitution[i] > 0.0 || motion.is_timed(i)) && u.max(u - by_now) < -slow[i]
         };
         let closes = |i: &u32| {
             let i = *i as usize;
@@ -439,8 +438,6 @@ struct Motion {
     gap: Vec<f64>,
     /// Whether their time of touch is kept; empty: of none.
     timed: Vec<bool>,
-    /// Whether they are no impacts of this step, because they do not come back so far.
-    waits: Vec<bool>,
     /// The periodic cell as it deforms now, and as it would after the step if no contact acted.
     cells: [Option<Cell>; 2],
     /// What impacts have changed of its rates, 1/s.
@@ -491,8 +488,8 @@ impl Motion {
         let slower = slower.into_iter().step_by(3).zip(of.contacts);
         let slower = slower.map(|(u, contact)| if flight.has(contact) { u } else { 0.0 }).collect();
         let gap = of.contacts.iter().map(|c| c.gap).collect();
-        let (timed, waits, rate) = (Vec::new(), vec![false; of.contacts.len()], [0.0; 6]);
-        Self { free, driven, to_now, by_now, now, later, fall, slower, gap, timed, waits, cells, rate }
+        let (timed, rate) = (Vec::new(), [0.0; 6]);
+        Self { free, driven, to_now, by_now, now, later, fall, slower, gap, timed, cells, rate }
     }
 
     /// Velocities at which the contacts of a part close now, three numbers each, and the restitutions with
