@@ -79,7 +79,8 @@ fn trust(summary: &Summary) -> String {
             counted(summary.steps, "step", "steps"),
             match worst > summary.tolerance {
                 true => format!("{} at worst", number(worst)),
-                false => "impulses do, the column `status` and the warning say what does not".to_string(),
+                false => "the root mean square does: the column `status` and the warning say what does not"
+                    .to_string(),
             }
         ),
     };

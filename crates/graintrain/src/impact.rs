@@ -460,7 +460,8 @@ impl Motion {
             coupled_in_impacts(world, &mut falling, step);
         }
         let is_carried = carrying(world).any(|contact| contact.image != [0; 3]);
-        let (carried, flight) = (carried(world), Flight::of(world, seen, [&driven, &free], step));
+        let carried = carried(world);
+        let flight = Flight::of(world, &carried, seen, [&driven, &free], step);
         // A link that a contact carries does not hold the rest of its mechanism.
         let mut is_linked = vec![false; world.bodies.len()];
         let links = coupled.iter().flat_map(|mechanism| &mechanism.bodies);
@@ -579,11 +580,16 @@ pub(crate) struct Flight {
 }
 
 impl Flight {
-    /// With these velocities before the step, and after it if no contact acted, six numbers per body. `seen`:
-    /// see [`Collider::turns`].
-    pub(crate) fn of(world: &World, seen: (&Collider, f64), [before, free]: [&[f64]; 2], step: f64) -> Self {
-        let (mut flies, carried) = (load::flies(world, step), carried(world));
-        let (collider, unseen) = seen;
+    /// Of what was [`carried`] or not, with these velocities before the step, and after it if no contact
+    /// acted, m/s and rad/s, six numbers per body; what may turn unseen: [`Collider::turns`].
+    pub(crate) fn of(
+        world: &World,
+        carried: &[bool],
+        (collider, unseen): (&Collider, f64),
+        [before, free]: [&[f64]; 2],
+        step: f64,
+    ) -> Self {
+        let mut flies = load::flies(world, step);
         for (body, flies) in flies.iter_mut().enumerate() {
             *flies &= !collider.turns(world, body, step, unseen);
         }

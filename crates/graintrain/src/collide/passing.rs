@@ -126,11 +126,7 @@ impl Collider {
         time: f64,
         normals: &[Vec3],
     ) -> Option<Vec<f64>> {
-        let ([a, mut b], image) = self.placed_pair(world, pair);
-        if let Some(cell) = world.cell().filter(|_| image != [0; 3]) {
-            b.position += time * cell.image_velocity(image);
-        }
-        let [a, b] = [(a, velocities[0]), (b, velocities[1])].map(|(body, v)| advanced(body, v, time));
+        let [a, b] = self.pair_after(world, pair, velocities, time);
         let is_convex = |placed: &Placed<'_>| {
             let parts = &placed.form.geometry.parts;
             parts.len() == 1 && !matches!(parts[0].shape, Shape::Plane(_) | Shape::Mesh(_))
@@ -152,19 +148,25 @@ impl Collider {
         velocities: [[Vec3; 2]; 2],
         time: f64,
     ) -> Vec<(u64, f64)> {
+        let [a, b] = self.pair_after(world, pair, velocities, time);
+        let mut touches = Vec::new();
+        body_contacts(a, b, a.form.size.min(b.form.size), &mut touches);
+        touches.iter().map(|touch| (contact(pair, touch).identity, touch.gap)).collect()
+    }
+
+    /// Two bodies as they are after this time of moving with these velocities.
+    fn pair_after(
+        &self,
+        world: &World,
+        pair: [u32; 2],
+        velocities: [[Vec3; 2]; 2],
+        time: f64,
+    ) -> [Placed<'_>; 2] {
         let ([a, mut b], image) = self.placed_pair(world, pair);
         if let Some(cell) = world.cell().filter(|_| image != [0; 3]) {
             b.position += time * cell.image_velocity(image);
         }
-        let mut touches = Vec::new();
-        let reach = a.form.size.min(b.form.size);
-        body_contacts(
-            advanced(a, velocities[0], time),
-            advanced(b, velocities[1], time),
-            reach,
-            &mut touches,
-        );
-        touches.iter().map(|touch| (contact(pair, touch).identity, touch.gap)).collect()
+        [advanced(a, velocities[0], time), advanced(b, velocities[1], time)]
     }
 
     /// The contact of two balls that are apart and touch within the step as they move now: with the normal

@@ -7,7 +7,7 @@ use crate::contact::Contact;
 use crate::math::Vec3;
 use crate::world::World;
 use graintrain_ccp::CoupledBodies;
-use hashbrown::HashSet;
+use hashbrown::{HashMap, HashSet};
 
 impl ImpactSolver<'_> {
     /// Those of these contacts whose bodies do not pass each other over a gap, overlapping on their way by no
@@ -184,13 +184,12 @@ impl ImpactSolver<'_> {
         let linear = |&i: &u32| motion.gap[i as usize] + time * motion.now[3 * i as usize];
         let mut apart: Vec<f64> = of.iter().map(linear).collect();
         let has_gone_on = of.iter().any(|&i| motion.gap[i as usize] != contacts[i as usize].gap);
-        let mut pairs: Vec<[u32; 2]> = Vec::new();
+        let (mut pairs, mut there) = (HashSet::new(), HashMap::new());
         for contact in of.iter().map(|&i| &contacts[i as usize]).filter(|_| !has_gone_on) {
             let pair = [contact.body_a, contact.body_b];
-            if pairs.contains(&pair) {
+            if !pairs.insert(pair) {
                 continue;
             }
-            pairs.push(pair);
             let velocities = pair
                 .map(|body| [0, 3].map(|k| Vec3::from_slice(&motion.driven[6 * body as usize + k..][..3])));
             let near = self.unseen * self.collider.contact_size(world, contact);
@@ -199,14 +198,11 @@ impl ImpactSolver<'_> {
                 time * velocities[k][1].length() * reach > near
             });
             if turns {
-                let there = self.collider.gaps_after(world, pair, velocities, time);
-                for (&i, apart) in of.iter().zip(&mut apart) {
-                    let own = &contacts[i as usize];
-                    if let Some((_, gap)) = there.iter().find(|(identity, _)| *identity == own.identity) {
-                        *apart = *gap;
-                    }
-                }
+                there.extend(self.collider.gaps_after(world, pair, velocities, time));
             }
+        }
+        for (&i, apart) in of.iter().zip(&mut apart) {
+            *apart = there.get(&contacts[i as usize].identity).copied().unwrap_or(*apart);
         }
         let least = apart.iter().copied().fold(f64::INFINITY, f64::min);
         apart.iter().map(|apart| apart - least).collect()

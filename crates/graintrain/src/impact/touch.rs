@@ -1,5 +1,5 @@
-//! When in a step two balls touch that meet nothing else: they go on as they were until then, and as the
-//! impact leaves them from then on.
+//! When in a step two balls touch that meet nothing else, or what does not turn touches what is driven: they
+//! go on as they were until then, and as the impact leaves them from then on.
 //!
 //! An impulse that acts at the time t instead of at the start leaves bodies where they would be if they had
 //! begun the step elsewhere, with the velocities v' after it:

@@ -342,13 +342,16 @@ impl Stepper {
             }
         }
         let gone_on = impacts.gone_on(&rounds.contacts);
-        let mut as_bodies_go_on = moved.clone();
+        let mut touched = Vec::new();
         for (i, before) in rounds.contacts.iter().enumerate().filter(|(i, c)| gone_on[*i].gap != c.gap) {
-            as_bodies_go_on[i] = gone_on[i];
-            let has_touched = impacts.impulse.get(i).is_some_and(|g| *g != Vec3::ZERO);
-            moved[i] = if has_touched { *before } else { gone_on[i] };
+            moved[i] = gone_on[i];
+            if impacts.impulse.get(i).is_some_and(|g| *g != Vec3::ZERO) {
+                touched.push((i, *before));
+            }
         }
-        let unreached = self.unreached(world, rounds, (&as_bodies_go_on, rows), motions);
+        let unreached = self.unreached(world, rounds, (&moved, rows), motions);
+        // What has touched parts from where it was.
+        touched.into_iter().for_each(|(i, before)| moved[i] = before);
         Some(raised(moved, unreached))
     }
 

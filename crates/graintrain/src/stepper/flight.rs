@@ -66,7 +66,7 @@ pub(super) fn unreached(
         return Vec::new();
     }
     let before = with_driven(world, before, step);
-    let flight = Flight::of(world, seen, [&before, free], step);
+    let flight = Flight::of(world, &carried, seen, [&before, free], step);
     let own = of_each(&of, |&i| contacts[i as usize]);
     let own_rows = of_each(&of, |&i| rows[i as usize]);
     let normal = |velocity: &[f64]| {
