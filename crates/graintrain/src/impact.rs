@@ -38,7 +38,7 @@ mod touch;
 
 use self::touch::Shift;
 use crate::assemble::{pair_property, relative_velocities};
-use crate::cell::{COMPONENTS, Cell, moved_mass};
+use crate::cell::{COMPONENTS, Cell, ends, image_velocity, moved_mass};
 use crate::cell_problem::CellRows;
 use crate::collide::Collider;
 use crate::contact::Contact;
@@ -89,6 +89,9 @@ const SAME_TIME: f64 = 1e-6;
 /// What touches within this fraction of the end of a step does so in the next one: contacts that touch
 /// together would close in two steps by rounding alone.
 pub(crate) const LAST: f64 = 1e-9;
+
+/// Bodies that part faster than this fraction of a dt bounced in the last step: they were not carried.
+const CARRIED: f64 = 0.1;
 
 /// Approaches below this fraction of the relative velocity are rounding.
 const ROUNDING: f64 = 1e-12;
@@ -434,6 +437,8 @@ struct Motion {
     /// By how much contacts close less fast in the mean of the step than `later` says, because their bodies
     /// fly or go on being carried, m/s.
     slower: Vec<f64>,
+    /// Whether each body flies ([`Flight`]).
+    flies: Vec<bool>,
     /// Their gaps, m: of those that have touched, where they would have begun the step as they go on.
     gap: Vec<f64>,
     /// Whether their time of touch is kept; empty: of none.
@@ -459,8 +464,8 @@ impl Motion {
         if !coupled.is_empty() {
             coupled_in_impacts(world, &mut falling, step);
         }
-        let is_carried = carrying(world).any(|contact| contact.image != [0; 3]);
-        let carried = carried(world);
+        let is_carried = carrying(world, step).any(|contact| contact.image != [0; 3]);
+        let carried = carried(world, step);
         let flight = Flight::of(world, &carried, seen, [&driven, &free], step);
         // A link that a contact carries does not hold the rest of its mechanism.
         let mut is_linked = vec![false; world.bodies.len()];
@@ -490,7 +495,8 @@ impl Motion {
         let slower = slower.map(|(u, contact)| if flight.has(contact) { u } else { 0.0 }).collect();
         let gap = of.contacts.iter().map(|c| c.gap).collect();
         let (timed, rate) = (Vec::new(), [0.0; 6]);
-        Self { free, driven, to_now, by_now, now, later, fall, slower, gap, timed, cells, rate }
+        let flies = flight.flies;
+        Self { free, driven, to_now, by_now, now, later, fall, slower, flies, gap, timed, cells, rate }
     }
 
     /// Velocities at which the contacts of a part close now, three numbers each, and the restitutions with
@@ -518,6 +524,18 @@ impl Motion {
     /// The normal velocity of a contact in the mean of the step if no contact acted.
     fn mean(&self, i: usize) -> f64 {
         self.later[3 * i] + self.slower[i]
+    }
+
+    /// How a body goes through the step if no contact acts, u and w: as it moves now, or `falling` as after
+    /// the step; what flies as in the mean of both.
+    fn way(&self, body: u32, falling: bool) -> [Vec3; 2] {
+        let of = |v: &[f64], part: usize| Vec3::from_slice(&v[6 * body as usize + part..][..3]);
+        let [now, free] = [&self.driven, &self.free];
+        match (self.flies[body as usize], falling) {
+            (true, _) => [0.5 * (of(now, 0) + of(free, 0)), of(now, 3)],
+            (false, true) => [0, 3].map(|part| of(free, part)),
+            (false, false) => [0, 3].map(|part| of(now, part)),
+        }
     }
 
     /// Normal velocities of a contact: now, and after the step if no contact acted.
@@ -561,19 +579,26 @@ impl Motion {
 }
 
 /// Whether each body was carried by a contact in the last step.
-pub(crate) fn carried(world: &World) -> Vec<bool> {
+pub(crate) fn carried(world: &World, step: f64) -> Vec<bool> {
     let mut carried = vec![false; world.bodies.len()];
-    let pairs = carrying(world).flat_map(|contact| [contact.body_a, contact.body_b]);
+    let pairs = carrying(world, step).flat_map(|contact| [contact.body_a, contact.body_b]);
     pairs.for_each(|body| carried[body as usize] = true);
     carried
 }
 
+/// Whether each body flies ([`load::flies`]) and was not [`carried`] in the last step.
+pub(crate) fn flying(world: &World, step: f64) -> Vec<bool> {
+    let flies = load::flies(world, step).into_iter();
+    flies.zip(carried(world, step)).map(|(flies, carried)| flies && !carried).collect()
+}
+
 /// How bodies that fly ([`load::flies`]) go through a step if no contact acts: x + dt (u' + u+) / 2, where
-/// all else goes x + dt u+. What a contact carried in the last step goes on being carried; what turns visibly
-/// is off its contacts by more than that.
+/// all else goes x + dt u+. What a contact carried in the last step goes on being carried.
 pub(crate) struct Flight {
     /// Whether a body flies and was not carried.
-    flies: Vec<bool>,
+    pub flies: Vec<bool>,
+    /// Those that turn by no more than goes unseen: others are off their contacts by more than they fall.
+    steady: Vec<bool>,
     /// Velocities after the step, and in its mean, six numbers per body.
     pub end: Vec<f64>,
     pub mean: Vec<f64>,
@@ -590,30 +615,49 @@ impl Flight {
         step: f64,
     ) -> Self {
         let mut flies = load::flies(world, step);
-        for (body, flies) in flies.iter_mut().enumerate() {
-            *flies &= !collider.turns(world, body, step, unseen);
+        let mut steady = flies.clone();
+        for (body, steady) in steady.iter_mut().enumerate() {
+            *steady &= !collider.turns(world, body, step, unseen);
         }
         let (mut end, mut mean) = (free.to_vec(), free.to_vec());
-        for body in (0..flies.len()).filter(|&body| flies[body]) {
+        for body in (0..steady.len()).filter(|&body| steady[body]) {
             for k in 6 * body..6 * body + 3 {
                 end[k] = if carried[body] { before[k] } else { free[k] };
                 mean[k] = 0.5 * (before[k] + end[k]);
             }
         }
-        flies.iter_mut().zip(carried).for_each(|(flies, carried)| *flies &= !carried);
-        Self { flies, end, mean }
+        for of in [&mut flies, &mut steady] {
+            of.iter_mut().zip(carried).for_each(|(flies, carried)| *flies &= !carried);
+        }
+        Self { flies, steady, end, mean }
     }
 
-    /// Whether a contact has a body that flies.
+    /// Whether a contact has a body that flies and does not turn visibly.
     pub(crate) fn has(&self, contact: &Contact) -> bool {
-        self.flies[contact.body_a as usize] || self.flies[contact.body_b as usize]
+        self.steady[contact.body_a as usize] || self.steady[contact.body_b as usize]
     }
 }
 
-/// The contacts that carried something in the last step.
-fn carrying(world: &World) -> impl Iterator<Item = &Contact> {
+/// The contacts that carried something in the last step: not those that bounced, whose bodies part.
+fn carrying(world: &World, step: f64) -> impl Iterator<Item = &Contact> {
+    let bodies = &world.bodies;
+    let material = |body: u32| bodies.material[body as usize].index();
+    let springs =
+        move |c: &Contact| world.materials.pair_restitution(material(c.body_a), material(c.body_b)) > 0.0;
+    // With the arms of the step that exerted the impulse.
+    let velocity = move |(body, end): (usize, Vec3)| {
+        let u = bodies.velocity[body];
+        u + bodies.angular_velocity[body].cross(end - (bodies.position[body] - step * u))
+    };
+    let parts = move |contact: &Contact| {
+        let [a, b] = ends(world.cell(), contact).map(velocity);
+        let u = contact.normal.dot(a - b - image_velocity(world.cell(), contact));
+        let fall = [contact.body_a, contact.body_b].map(|body| world.acceleration(body as usize));
+        u > CARRIED * step * fall[0].max(fall[1])
+    };
     let all = world.contacts.contacts.iter().zip(&world.contacts.impulse);
-    all.filter(|(_, g)| **g != Vec3::ZERO).map(|(contact, _)| contact)
+    let acts = all.filter(|(_, g)| **g != Vec3::ZERO).map(|(contact, _)| contact);
+    acts.filter(move |contact| !springs(contact) || !parts(contact))
 }
 
 /// What is to be added to velocities of the middle of the last step to make them those of now, dt a / 2: of
@@ -622,7 +666,7 @@ fn carrying(world: &World) -> impl Iterator<Item = &Contact> {
 /// velocities before and after the step if no contact acted, six numbers per body.
 fn to_now(world: &World, coupled: &[CoupledBodies], [now, free]: [&[f64]; 2], step: f64) -> Vec<f64> {
     let flies = load::flies(world, step);
-    let mut is_held = carried(world);
+    let mut is_held = carried(world, step);
     for placed in world.joints() {
         let has_limit = matches!(placed.joint.motor, Some(Motor::Speed { limit: Some(_), .. }));
         if has_limit || placed.state.stopped != 0 {

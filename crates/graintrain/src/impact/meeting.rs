@@ -12,8 +12,9 @@ use hashbrown::{HashMap, HashSet};
 impl ImpactSolver<'_> {
     /// Those of these contacts whose bodies do not pass each other over a gap, overlapping on their way by no
     /// more than a fifth of what Phi + dt u_n says: the plane of an edge bars a way that leads past it, as
-    /// that of the next tile does for a ball that rolls. As they move now, for a floor carries what rolls;
-    /// where that brings them nowhere near, as they fall.
+    /// that of the next tile does for a ball that rolls. What flies goes its way through the step; other
+    /// bodies as they move now, for a floor carries what rolls, and where that brings them nowhere near, as
+    /// they fall.
     pub(super) fn meeting(
         &self,
         world: &World,
@@ -32,7 +33,12 @@ impl ImpactSolver<'_> {
                 continue;
             }
             let [now, later] = motion.normal(index as usize).map(|u| contact.gap + step * u);
-            let (foreseen, falls) = if now < 0.0 { (now, false) } else { (later, true) };
+            let flies = pair.iter().any(|&body| motion.flies[body as usize]);
+            let (foreseen, falls) = match now < 0.0 {
+                _ if flies => ((0.5 * (now + later)).min(0.0), false),
+                true => (now, false),
+                false => (later, true),
+            };
             let size = self.collider.contact_size(world, contact);
             ways.push((pair, falls, (-self.spurious * foreseen).min(self.unseen * size), index));
         }
@@ -40,10 +46,7 @@ impl ImpactSolver<'_> {
         let mut passing = HashSet::new();
         for way in ways.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
             let (pair, falls, ..) = way[0];
-            let velocities = pair.map(|body| {
-                let of = if falls { &motion.free } else { &motion.driven };
-                [0, 3].map(|k| Vec3::from_slice(&of[6 * body as usize + k..]))
-            });
+            let velocities = pair.map(|body| motion.way(body, falls));
             let allowed: Vec<f64> = way.iter().map(|(_, _, allowed, _)| *allowed).collect();
             let pass =
                 self.collider.pass_freely(world, pair, velocities.map(Course::straight), step, &allowed, 0.0);

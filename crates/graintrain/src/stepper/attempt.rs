@@ -16,7 +16,7 @@ use crate::clock::Clock;
 use crate::contact::Contact;
 use crate::elasticity;
 use crate::frame_turn::turned_slip;
-use crate::impact::{ImpactSolver, Impacts, Rows};
+use crate::impact::{ImpactSolver, Impacts, Rows, flying};
 use crate::integrate::{free_velocity, inverse_mass, inverse_mass_in_step};
 use crate::joint::mechanism::{JointReactions, Mechanisms};
 use crate::math::Vec3;
@@ -323,6 +323,13 @@ impl Stepper {
         }
         for spin in mechanisms.bodies().map(|body| 6 * body as usize + 3..6 * body as usize + 6) {
             velocity[spin.clone()].copy_from_slice(&free[spin]);
+        }
+        // Balls that fly are looked at as impacts left them, as their planes are.
+        let flies = flying(world, self.settings.step);
+        for body in (0..flies.len()).filter(|&body| flies[body] && !is_ball(body as u32)) {
+            let three = 6 * body..6 * body + 3;
+            let own = velocity[three.clone()].iter_mut().zip(&impacts.velocity[three]);
+            own.for_each(|(own, after)| *own = 0.5 * (*own + after));
         }
         let posed = relative_velocities(world.cell(), &rounds.contacts, rows, &free);
         let mut moved = self.flown_past(world, &rounds.contacts, (&velocity, &posed), &bends(world, &free));
