@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"GRAINCKP";
 /// Raised whenever the layout of what is stored changes.
-const VERSION: u32 = 17;
+const VERSION: u32 = 18;
 const HEADER: usize = 32;
 /// Bytes that a payload may expand to: so many, and so many per byte of its own. Worlds at rest shrink to a
 /// twentieth.

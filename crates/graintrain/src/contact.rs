@@ -57,6 +57,9 @@ pub struct ContactSet {
     /// Moment impulse of rolling and spinning friction on body A (minus that on B) in world axes, N m s; one
     /// per contact, or empty where no pair of materials resists turning.
     pub moment: Vec<Vec3>,
+    /// Whether a contact bounced: impacts gave it all of its impulse; one per contact, or empty where there
+    /// was no impact.
+    pub bounced: Vec<bool>,
     /// What the solver remembers for the next step,
     /// [`SolveReport::curvature`](graintrain_ccp::SolveReport::curvature).
     pub curvature: Option<f64>,

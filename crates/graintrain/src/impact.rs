@@ -38,7 +38,7 @@ mod touch;
 
 use self::touch::Shift;
 use crate::assemble::{pair_property, relative_velocities};
-use crate::cell::{COMPONENTS, Cell, ends, image_velocity, moved_mass};
+use crate::cell::{COMPONENTS, Cell, moved_mass};
 use crate::cell_problem::CellRows;
 use crate::collide::Collider;
 use crate::contact::Contact;
@@ -89,9 +89,6 @@ const SAME_TIME: f64 = 1e-6;
 /// What touches within this fraction of the end of a step does so in the next one: contacts that touch
 /// together would close in two steps by rounding alone.
 pub(crate) const LAST: f64 = 1e-9;
-
-/// Bodies that part faster than this fraction of a dt bounced in the last step: they were not carried.
-const CARRIED: f64 = 0.1;
 
 /// Approaches below this fraction of the relative velocity are rounding.
 const ROUNDING: f64 = 1e-12;
@@ -464,8 +461,8 @@ impl Motion {
         if !coupled.is_empty() {
             coupled_in_impacts(world, &mut falling, step);
         }
-        let is_carried = carrying(world, step).any(|contact| contact.image != [0; 3]);
-        let carried = carried(world, step);
+        let is_carried = carrying(world).any(|contact| contact.image != [0; 3]);
+        let carried = carried(world);
         let flight = Flight::of(world, &carried, seen, [&driven, &free], step);
         // A link that a contact carries does not hold the rest of its mechanism.
         let mut is_linked = vec![false; world.bodies.len()];
@@ -579,9 +576,9 @@ impl Motion {
 }
 
 /// Whether each body was carried by a contact in the last step.
-pub(crate) fn carried(world: &World, step: f64) -> Vec<bool> {
+pub(crate) fn carried(world: &World) -> Vec<bool> {
     let mut carried = vec![false; world.bodies.len()];
-    let pairs = carrying(world, step).flat_map(|contact| [contact.body_a, contact.body_b]);
+    let pairs = carrying(world).flat_map(|contact| [contact.body_a, contact.body_b]);
     pairs.for_each(|body| carried[body as usize] = true);
     carried
 }
@@ -589,7 +586,7 @@ pub(crate) fn carried(world: &World, step: f64) -> Vec<bool> {
 /// Whether each body flies ([`load::flies`]) and was not [`carried`] in the last step.
 pub(crate) fn flying(world: &World, step: f64) -> Vec<bool> {
     let flies = load::flies(world, step).into_iter();
-    flies.zip(carried(world, step)).map(|(flies, carried)| flies && !carried).collect()
+    flies.zip(carried(world)).map(|(flies, carried)| flies && !carried).collect()
 }
 
 /// How bodies that fly ([`load::flies`]) go through a step if no contact acts: x + dt (u' + u+) / 2, where
@@ -638,26 +635,11 @@ impl Flight {
     }
 }
 
-/// The contacts that carried something in the last step: not those that bounced, whose bodies part.
-fn carrying(world: &World, step: f64) -> impl Iterator<Item = &Contact> {
-    let bodies = &world.bodies;
-    let material = |body: u32| bodies.material[body as usize].index();
-    let springs =
-        move |c: &Contact| world.materials.pair_restitution(material(c.body_a), material(c.body_b)) > 0.0;
-    // With the arms of the step that exerted the impulse.
-    let velocity = move |(body, end): (usize, Vec3)| {
-        let u = bodies.velocity[body];
-        u + bodies.angular_velocity[body].cross(end - (bodies.position[body] - step * u))
-    };
-    let parts = move |contact: &Contact| {
-        let [a, b] = ends(world.cell(), contact).map(velocity);
-        let u = contact.normal.dot(a - b - image_velocity(world.cell(), contact));
-        let fall = [contact.body_a, contact.body_b].map(|body| world.acceleration(body as usize));
-        u > CARRIED * step * fall[0].max(fall[1])
-    };
-    let all = world.contacts.contacts.iter().zip(&world.contacts.impulse);
-    let acts = all.filter(|(_, g)| **g != Vec3::ZERO).map(|(contact, _)| contact);
-    acts.filter(move |contact| !springs(contact) || !parts(contact))
+/// The contacts that carried something in the last step: not those that bounced.
+fn carrying(world: &World) -> impl Iterator<Item = &Contact> {
+    let set = &world.contacts;
+    let carries = |i: &usize| set.impulse[*i] != Vec3::ZERO && set.bounced.get(*i) != Some(&true);
+    (0..set.contacts.len()).filter(carries).map(|i| &set.contacts[i])
 }
 
 /// What is to be added to velocities of the middle of the last step to make them those of now, dt a / 2: of
@@ -666,7 +648,7 @@ fn carrying(world: &World, step: f64) -> impl Iterator<Item = &Contact> {
 /// velocities before and after the step if no contact acted, six numbers per body.
 fn to_now(world: &World, coupled: &[CoupledBodies], [now, free]: [&[f64]; 2], step: f64) -> Vec<f64> {
     let flies = load::flies(world, step);
-    let mut is_held = carried(world, step);
+    let mut is_held = carried(world);
     for placed in world.joints() {
         let has_limit = matches!(placed.joint.motor, Some(Motor::Speed { limit: Some(_), .. }));
         if has_limit || placed.state.stopped != 0 {

@@ -131,6 +131,9 @@ impl World {
         if !set.moment.is_empty() {
             same_length("moments of contacts", set.moment.len(), set.contacts.len())?;
         }
+        if !set.bounced.is_empty() {
+            same_length("marks of contacts that bounced", set.bounced.len(), set.contacts.len())?;
+        }
         vectors("an impulse", &set.impulse)?;
         vectors("a moment", &set.moment)?;
         finite("the friction of a contact", &set.friction)?;
@@ -166,7 +169,7 @@ mod tests {
     #[test]
     fn worlds_that_no_step_can_be_made_from_are_refused() {
         assert_eq!(world().validate(), Ok(()));
-        let damages: [fn(&mut World); 20] = [
+        let damages: [fn(&mut World); 21] = [
             |w| w.time = f64::NAN,
             |w| w.gravity.z = f64::INFINITY,
             |w| w.materials.density.clear(),
@@ -178,6 +181,7 @@ mod tests {
                 w.materials.spinning.push(TurningResistance::NONE);
             },
             |w| w.contacts.moment.push(Vec3::ZERO),
+            |w| w.contacts.bounced.push(true),
             |w| Arc::make_mut(&mut w.geometries[0]).parts.clear(),
             |w| w.ignored.push([1, 2].map(BodyId::from_index)),
             |w| Arc::make_mut(&mut w.geometries[0]).parts[0].position.x = f64::NAN,

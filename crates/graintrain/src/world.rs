@@ -444,8 +444,9 @@ impl World {
         self.contacts.curvature = set.curvature;
         let friction = set.friction.into_iter().map(Some).chain(std::iter::repeat(None));
         let moment = set.moment.into_iter().map(Some).chain(std::iter::repeat(None));
-        let impulses = set.impulse.into_iter().zip(moment);
-        for ((mut contact, (impulse, moment)), friction) in
+        let bounced = set.bounced.into_iter().map(Some).chain(std::iter::repeat(None));
+        let impulses = set.impulse.into_iter().zip(moment.zip(bounced));
+        for ((mut contact, (impulse, (moment, bounced))), friction) in
             set.contacts.into_iter().zip(impulses).zip(friction)
         {
             let [a, b] =
@@ -460,6 +461,7 @@ impl World {
                 self.contacts.impulse.push(impulse);
                 self.contacts.friction.extend(friction);
                 self.contacts.moment.extend(moment);
+                self.contacts.bounced.extend(bounced);
             }
         }
         new_index

@@ -85,6 +85,7 @@ fn advance(world: &mut World, settings: &RunSettings) -> StepReport {
         ],
         friction: vec![0.3; 3],
         moment: Vec::new(),
+        bounced: Vec::new(),
         curvature: None,
     };
     let residual = Residual { max: 3e-5, rms: 1e-5 };

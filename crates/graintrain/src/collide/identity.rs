@@ -107,6 +107,7 @@ mod tests {
             impulse: vec![Vec3::X, Vec3::Y, Vec3::Z],
             friction: vec![0.0; 3],
             moment: vec![Vec3::X, Vec3::Y, Vec3::Z],
+            bounced: Vec::new(),
             curvature: None,
         };
         let previous = PreviousContacts::new(&set, 3);

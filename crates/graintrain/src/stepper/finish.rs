@@ -378,6 +378,7 @@ fn exerted(world: &World, contacts: Vec<Contact>, attempt: &Attempt) -> (Contact
     with_force.resize(contacts.len(), false);
     let mut impulse = impacts.impulse.clone();
     impulse.resize(contacts.len(), Vec3::ZERO);
+    let mut bounced = if impacts.impulse.is_empty() { Vec::new() } else { with_force.clone() };
     let resists = world.materials.resist_turning();
     let mut moment = if resists { vec![Vec3::ZERO; contacts.len()] } else { Vec::new() };
     if let Delassus::Rigid(rigid) = &*problem.delassus {
@@ -385,6 +386,9 @@ fn exerted(world: &World, contacts: Vec<Contact>, attempt: &Attempt) -> (Contact
             let [n, t1, t2] = row.frame.map(Vec3::from_array);
             impulse[i as usize] += g[0] * n + g[1] * t1 + g[2] * t2;
             with_force[i as usize] |= g[0] > threshold;
+            if let Some(bounced) = bounced.get_mut(i as usize) {
+                *bounced &= g[0] == 0.0;
+            }
         }
         for (rows, h) in rigid.turning().iter().zip(solved[3 * active.len()..].chunks_exact(3)) {
             let row = &rigid.contacts()[rows.contact as usize];
@@ -397,7 +401,7 @@ fn exerted(world: &World, contacts: Vec<Contact>, attempt: &Attempt) -> (Contact
     let friction = pair_property(world, &contacts, |a, b| world.materials.pair_friction(a, b));
     let curvature = solve.curvature.or(world.contacts.curvature);
     let count = with_force.into_iter().filter(|&force| force).count();
-    (ContactSet { contacts, impulse, friction, moment, curvature }, count)
+    (ContactSet { contacts, impulse, friction, moment, bounced, curvature }, count)
 }
 
 /// The time a step after `time`, s: where that is a whole number of steps from zero, their product, so that

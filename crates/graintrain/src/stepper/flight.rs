@@ -55,7 +55,7 @@ pub(super) fn unreached(
     step: f64,
     springs: impl Fn(&Contact) -> bool,
 ) -> Vec<(usize, f64)> {
-    let (carried, flies) = (carried(world, step), load::flies(world, step));
+    let (carried, flies) = (carried(world), load::flies(world, step));
     let is_settled = |body: usize| carried[body] || world.is_prescribed(body);
     let both = |contact: &Contact| contact.unordered().map(|body| body as usize);
     // In a pile that rests all are settled.

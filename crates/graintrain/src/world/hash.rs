@@ -75,6 +75,10 @@ impl World {
         }
         // None where nothing resists turning.
         self.contacts.moment.iter().flat_map(|m| m.to_array()).for_each(|x| add(x.to_bits()));
+        // Nor bounces where nothing springs back.
+        let bounced =
+            self.contacts.contacts.iter().zip(&self.contacts.bounced).filter(|(_, bounced)| **bounced);
+        bounced.for_each(|(contact, _)| add(!contact.identity));
         // Nor joints in most worlds.
         for placed in &self.joints {
             add(placed.state.coordinate.to_bits());
