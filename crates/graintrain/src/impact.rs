@@ -529,7 +529,7 @@ impl Motion {
         let of = |v: &[f64], part: usize| Vec3::from_slice(&v[6 * body as usize + part..][..3]);
         let [now, free] = [&self.driven, &self.free];
         match (self.flies[body as usize], falling) {
-            (true, _) => [0.5 * (of(now, 0) + of(free, 0)), of(now, 3)],
+            (true, _) => [0.5 * (of(now, 0) + of(free, 0)), of(free, 3)],
             (false, true) => [0, 3].map(|part| of(free, part)),
             (false, false) => [0, 3].map(|part| of(now, part)),
         }

@@ -79,10 +79,10 @@ impl Collider {
         let mut overlap: Option<f64> = None;
         let mut touch: Option<bool> = None;
         let passes = |&allowed: &f64| {
-            let poses = poses(allowed);
-            if poses.is_nan() {
+            if allowed < 0.0 {
                 return false;
             }
+            let poses = if allowed == 0.0 { f64::INFINITY } else { poses(allowed) };
             if poses > POSES {
                 // A touch is looked for straight on; the course leaves that by c dt / 8.
                 if courses.iter().any(|course| course.bend.length() * step > 8.0 * allowed) {

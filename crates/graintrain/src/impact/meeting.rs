@@ -35,7 +35,7 @@ impl ImpactSolver<'_> {
             let [now, later] = motion.normal(index as usize).map(|u| contact.gap + step * u);
             let flies = pair.iter().any(|&body| motion.flies[body as usize]);
             let (foreseen, falls) = match now < 0.0 {
-                _ if flies => ((0.5 * (now + later)).min(0.0), false),
+                _ if flies => (0.0, false),
                 true => (now, false),
                 false => (later, true),
             };

@@ -330,6 +330,7 @@ impl Stepper {
             let three = 6 * body..6 * body + 3;
             let own = velocity[three.clone()].iter_mut().zip(&impacts.velocity[three]);
             own.for_each(|(own, after)| *own = 0.5 * (*own + after));
+            velocity[6 * body + 3..6 * body + 6].copy_from_slice(&free[6 * body + 3..6 * body + 6]);
         }
         let posed = relative_velocities(world.cell(), &rounds.contacts, rows, &free);
         let mut moved = self.flown_past(world, &rounds.contacts, (&velocity, &posed), &bends(world, &free));
