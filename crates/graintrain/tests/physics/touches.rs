@@ -171,3 +171,41 @@ fn a_touch_between_two_steps_keeps_the_energy() {
         }
     }
 }
+
+/// Elastic bodies that tumble, without friction, are struck where they touch, or pass: no plane of a touch
+/// that their turn avoids within the step brakes them. In 80 runs of 2 s, with some 800 bounces.
+#[test]
+fn what_tumbles_keeps_its_energy() {
+    let hull = [[5, 0, 0], [-4, 3, 0], [0, -5, 1], [1, 2, 5], [0, 1, -4], [3, 3, 3]];
+    let hull = hull.map(|corner| 0.01 * Vec3::from_array(corner.map(f64::from)));
+    let forms = [
+        Geometry::cuboid(Vec3::new(0.05, 0.05, 0.03)).unwrap(),
+        Geometry::capsule(0.03, 0.03).unwrap(),
+        Geometry::cylinder(0.05, 0.03).unwrap(),
+        Geometry::cone(0.05, 0.05, 0.0).unwrap(),
+        Geometry::hull(&hull).unwrap().0,
+    ];
+    for (form, step) in forms.iter().flat_map(|form| [(form, 5e-3), (form, 1e-2)]) {
+        for seed in 0..8_u32 {
+            let random = |k: u32| 2.0 * scattered(seed * seed + 7 * k, 0.37 * f64::from(k)) - 1.0;
+            let mut world = world(0.0, 1.0);
+            add_ground(&mut world, 0.0);
+            let geometry = world.add_geometry(form.clone());
+            let turn = Vec3::new(random(1), random(2), random(3));
+            let body = Body {
+                velocity: Vec3::new(1.0, 0.5, 0.0),
+                angular_velocity: 5.0 * Vec3::new(random(4), random(5), random(6)),
+                orientation: Quat::from_scaled_axis(3.0 * turn),
+                ..Body::new(geometry, MaterialId::default(), 0.5 * Vec3::Z)
+            };
+            world.add_body(body).unwrap();
+            let energy = |world: &World| {
+                world.kinetic_energy() + world.bodies.mass[1] * G * world.bodies.position[1].z
+            };
+            let before = energy(&world);
+            run(&mut default_stepper(step), &mut world, (2.0 / step) as usize);
+            let kept = energy(&world) / before;
+            assert!((kept - 1.0).abs() < 2e-3, "{form:?}, {step} s, seed {seed}: {kept}");
+        }
+    }
+}
