@@ -353,12 +353,13 @@ impl Stepper {
         let mut touched = Vec::new();
         for (i, before) in rounds.contacts.iter().enumerate().filter(|(i, c)| gone_on[*i].gap != c.gap) {
             moved[i] = gone_on[i];
-            if impacts.impulse.get(i).is_some_and(|g| *g != Vec3::ZERO) {
+            let closes_again = moved[i].gap > 0.0 && posed[3 * i] < 0.0;
+            if impacts.impulse.get(i).is_some_and(|g| *g != Vec3::ZERO) && !closes_again {
                 touched.push((i, *before));
             }
         }
         let unreached = self.unreached(world, rounds, (&moved, rows), motions);
-        // What has touched parts from where it was.
+        // What has touched and parts does so from where it was.
         touched.into_iter().for_each(|(i, before)| moved[i] = before);
         Some(raised(moved, unreached))
     }
