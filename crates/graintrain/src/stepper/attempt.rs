@@ -316,21 +316,20 @@ impl Stepper {
             return (!unreached.is_empty()).then(|| raised(rounds.contacts.clone(), unreached));
         }
         // With the spin of now, unless joints turn it: its mean in the step, with which the problem is posed,
-        // is that of a body that turns on the way.
+        // is that of a body that turns on the way. What flies goes by the means of both velocities; but balls
+        // are looked at as impacts left them, as their planes are.
+        let flies = flying(world, self.settings.step);
         let mut velocity = free.clone();
-        for (own, after) in velocity.chunks_exact_mut(6).zip(impacts.velocity.chunks_exact(6)) {
-            own[3..].copy_from_slice(&after[3..]);
+        let both = velocity.chunks_exact_mut(6).zip(impacts.velocity.chunks_exact(6));
+        for (body, (own, after)) in both.enumerate() {
+            if flies[body] && !is_ball(body as u32) {
+                own[..3].iter_mut().zip(after).for_each(|(own, after)| *own = 0.5 * (*own + after));
+            } else {
+                own[3..].copy_from_slice(&after[3..]);
+            }
         }
         for spin in mechanisms.bodies().map(|body| 6 * body as usize + 3..6 * body as usize + 6) {
             velocity[spin.clone()].copy_from_slice(&free[spin]);
-        }
-        // Balls that fly are looked at as impacts left them, as their planes are.
-        let flies = flying(world, self.settings.step);
-        for body in (0..flies.len()).filter(|&body| flies[body] && !is_ball(body as u32)) {
-            let three = 6 * body..6 * body + 3;
-            let own = velocity[three.clone()].iter_mut().zip(&impacts.velocity[three]);
-            own.for_each(|(own, after)| *own = 0.5 * (*own + after));
-            velocity[6 * body + 3..6 * body + 6].copy_from_slice(&free[6 * body + 3..6 * body + 6]);
         }
         let posed = relative_velocities(world.cell(), &rounds.contacts, rows, &free);
         let mut moved = self.flown_past(world, &rounds.contacts, (&velocity, &posed), &bends(world, &free));
