@@ -33,19 +33,21 @@
 //! Smith, D. Kaufman, E. Vouga, R. Tamstorf, E. Grinspun, "Reflections on simultaneous impact", ACM
 //! Transactions on Graphics 31(4):106, 2012.
 
+mod flight;
 mod meeting;
 mod touch;
 
+pub(crate) use self::flight::{Flight, carried, flying, mean_in_flight};
+
+use self::flight::{carrying, to_now};
 use self::touch::Shift;
-use crate::assemble::{pair_property, relative_velocities};
+use crate::assemble::{pair_property, relative_velocities, velocity_of};
 use crate::cell::{COMPONENTS, Cell, moved_mass};
 use crate::cell_problem::CellRows;
 use crate::collide::Collider;
 use crate::contact::Contact;
 use crate::integrate::{free_velocity, free_velocity_of, velocities, with_driven};
-use crate::joint::Motor;
-use crate::joint::mechanism::{coupled_in_impacts, driven_in_place};
-use crate::load;
+use crate::joint::mechanism::coupled_in_impacts;
 use crate::math::Vec3;
 use crate::parts::{Part, parts};
 use crate::world::World;
@@ -523,15 +525,15 @@ impl Motion {
         self.later[3 * i] + self.slower[i]
     }
 
-    /// How a body goes through the step if no contact acts, u and w: as it moves now, or `falling` as after
-    /// the step; what flies as in the mean of both.
+    /// How a body goes through the step if no contact acts, u and w (m/s, rad/s): as it moves now, or
+    /// `falling` as after the step; what flies by [`mean_in_flight`].
     fn way(&self, body: u32, falling: bool) -> [Vec3; 2] {
-        let of = |v: &[f64], part: usize| Vec3::from_slice(&v[6 * body as usize + part..][..3]);
+        let body = body as usize;
         let [now, free] = [&self.driven, &self.free];
-        match (self.flies[body as usize], falling) {
-            (true, _) => [0.5 * (of(now, 0) + of(free, 0)), of(free, 3)],
-            (false, true) => [0, 3].map(|part| of(free, part)),
-            (false, false) => [0, 3].map(|part| of(now, part)),
+        match (self.flies[body], falling) {
+            (true, _) => mean_in_flight([now, free], body),
+            (false, true) => velocity_of(free, body),
+            (false, false) => velocity_of(now, body),
         }
     }
 
@@ -573,98 +575,6 @@ impl Motion {
             }
         }
     }
-}
-
-/// Whether each body was carried by a contact in the last step.
-pub(crate) fn carried(world: &World) -> Vec<bool> {
-    let mut carried = vec![false; world.bodies.len()];
-    let pairs = carrying(world).flat_map(|contact| [contact.body_a, contact.body_b]);
-    pairs.for_each(|body| carried[body as usize] = true);
-    carried
-}
-
-/// Whether each body flies ([`load::flies`]) and was not [`carried`] in the last step.
-pub(crate) fn flying(world: &World, step: f64) -> Vec<bool> {
-    let flies = load::flies(world, step).into_iter();
-    flies.zip(carried(world)).map(|(flies, carried)| flies && !carried).collect()
-}
-
-/// How bodies that fly ([`load::flies`]) go through a step if no contact acts: x + dt (u' + u+) / 2, where
-/// all else goes x + dt u+. What a contact carried in the last step goes on being carried.
-pub(crate) struct Flight {
-    /// Whether a body flies and was not carried.
-    pub flies: Vec<bool>,
-    /// Those that turn by no more than goes unseen: others are off their contacts by more than they fall.
-    steady: Vec<bool>,
-    /// Velocities after the step, and in its mean, six numbers per body.
-    pub end: Vec<f64>,
-    pub mean: Vec<f64>,
-}
-
-impl Flight {
-    /// Of what was [`carried`] or not, with these velocities before the step, and after it if no contact
-    /// acted, m/s and rad/s, six numbers per body; what may turn unseen: [`Collider::turns`].
-    pub(crate) fn of(
-        world: &World,
-        carried: &[bool],
-        (collider, unseen): (&Collider, f64),
-        [before, free]: [&[f64]; 2],
-        step: f64,
-    ) -> Self {
-        let mut flies = load::flies(world, step);
-        let mut steady = flies.clone();
-        for (body, steady) in steady.iter_mut().enumerate() {
-            *steady &= !collider.turns(world, body, step, unseen);
-        }
-        let (mut end, mut mean) = (free.to_vec(), free.to_vec());
-        for body in (0..steady.len()).filter(|&body| steady[body]) {
-            for k in 6 * body..6 * body + 3 {
-                end[k] = if carried[body] { before[k] } else { free[k] };
-                mean[k] = 0.5 * (before[k] + end[k]);
-            }
-        }
-        for of in [&mut flies, &mut steady] {
-            of.iter_mut().zip(carried).for_each(|(flies, carried)| *flies &= !carried);
-        }
-        Self { flies, steady, end, mean }
-    }
-
-    /// Whether a contact has a body that flies and does not turn visibly.
-    pub(crate) fn has(&self, contact: &Contact) -> bool {
-        self.steady[contact.body_a as usize] || self.steady[contact.body_b as usize]
-    }
-}
-
-/// The contacts that carried something in the last step: not those that bounced.
-fn carrying(world: &World) -> impl Iterator<Item = &Contact> {
-    let set = &world.contacts;
-    let carries = |i: &usize| set.impulse[*i] != Vec3::ZERO && set.bounced.get(*i) != Some(&true);
-    (0..set.contacts.len()).filter(carries).map(|i| &set.contacts[i])
-}
-
-/// What is to be added to velocities of the middle of the last step to make them those of now, dt a / 2: of
-/// bodies that do not fly and that no contact carried in the last step. Of a mechanism only where nothing
-/// else holds it either: no stop (a taut rope is one), and no motor with a limit. `[now, free]` are the
-/// velocities before and after the step if no contact acted, six numbers per body.
-fn to_now(world: &World, coupled: &[CoupledBodies], [now, free]: [&[f64]; 2], step: f64) -> Vec<f64> {
-    let flies = load::flies(world, step);
-    let mut is_held = carried(world);
-    for placed in world.joints() {
-        let has_limit = matches!(placed.joint.motor, Some(Motor::Speed { limit: Some(_), .. }));
-        if has_limit || placed.state.stopped != 0 {
-            placed.joint.bodies.iter().flatten().for_each(|body| is_held[body.index()] = true);
-        }
-    }
-    let mut after = free.to_vec();
-    for CoupledBodies { bodies, .. } in coupled {
-        let any = bodies.iter().any(|&body| is_held[body as usize]);
-        bodies.iter().for_each(|&body| is_held[body as usize] = any);
-    }
-    if coupled.iter().any(|mechanism| mechanism.bodies.iter().any(|&body| !is_held[body as usize])) {
-        after = driven_in_place(world, now, after, step);
-    }
-    let lags = |body: usize| !flies[body] && !is_held[body];
-    (0..now.len()).map(|k| if lags(k / 6) { 0.5 * (after[k] - now[k]) } else { 0.0 }).collect()
 }
 
 /// Those parts that have contacts across the boundary are one, as the cell is.

@@ -34,10 +34,10 @@ impl ImpactSolver<'_> {
             }
             let [now, later] = motion.normal(index as usize).map(|u| contact.gap + step * u);
             let flies = pair.iter().any(|&body| motion.flies[body as usize]);
-            let (foreseen, falls) = match now < 0.0 {
-                _ if flies => (0.0, false),
-                true => (now, false),
-                false => (later, true),
+            let (foreseen, falls) = match (flies, now < 0.0) {
+                (true, _) => (0.0, false),
+                (false, true) => (now, false),
+                (false, false) => (later, true),
             };
             let size = self.collider.contact_size(world, contact);
             ways.push((pair, falls, (-self.spurious * foreseen).min(self.unseen * size), index));

@@ -16,7 +16,7 @@ use crate::clock::Clock;
 use crate::contact::Contact;
 use crate::elasticity;
 use crate::frame_turn::turned_slip;
-use crate::impact::{ImpactSolver, Impacts, Rows, flying};
+use crate::impact::{ImpactSolver, Impacts, Rows, flying, mean_in_flight};
 use crate::integrate::{free_velocity, inverse_mass, inverse_mass_in_step};
 use crate::joint::mechanism::{JointReactions, Mechanisms};
 use crate::math::Vec3;
@@ -323,7 +323,8 @@ impl Stepper {
         let both = velocity.chunks_exact_mut(6).zip(impacts.velocity.chunks_exact(6));
         for (body, (own, after)) in both.enumerate() {
             if flies[body] && !is_ball(body as u32) {
-                own[..3].iter_mut().zip(after).for_each(|(own, after)| *own = 0.5 * (*own + after));
+                let mean = mean_in_flight([&impacts.velocity, &free], body);
+                own.chunks_exact_mut(3).zip(mean).for_each(|(own, of)| own.copy_from_slice(&of.to_array()));
             } else {
                 own[3..].copy_from_slice(&after[3..]);
             }
@@ -352,15 +353,14 @@ impl Stepper {
         let mut touched = Vec::new();
         for (i, before) in rounds.contacts.iter().enumerate().filter(|(i, c)| gone_on[*i].gap != c.gap) {
             moved[i] = gone_on[i];
-            let closes_again = moved[i].gap > 0.0 && posed[3 * i] < 0.0;
-            if impacts.impulse.get(i).is_some_and(|g| *g != Vec3::ZERO) && !closes_again {
-                touched.push((i, *before));
+            if impacts.impulse.get(i).is_some_and(|g| *g != Vec3::ZERO) {
+                touched.push((i, before.gap));
             }
         }
         let unreached = self.unreached(world, rounds, (&moved, rows), motions);
-        // What has touched and parts does so from where it was.
-        touched.into_iter().for_each(|(i, before)| moved[i] = before);
-        Some(raised(moved, unreached))
+        // What has touched parts from no nearer than it was.
+        touched.extend(unreached);
+        Some(raised(moved, touched))
     }
 
     /// See [`unreached`]: of contacts that spring back, and that were not seen to be met.
