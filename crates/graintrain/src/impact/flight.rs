@@ -1,5 +1,5 @@
-//! How bodies go through a step that no contact acts in: what flies on its parabola, what was carried on as it
-//! went, all else by x + dt u+.
+//! How bodies go through a step that no contact acts in: what flies on its parabola, what was carried on as
+//! it went, all else by x + dt u+.
 
 use crate::collide::Collider;
 use crate::contact::Contact;
