@@ -41,7 +41,7 @@ pub(crate) use self::flight::{Flight, carried, flying, mean_in_flight};
 
 use self::flight::{carrying, to_now};
 use self::touch::Shift;
-use crate::assemble::{pair_property, relative_velocities, velocity_of};
+use crate::assemble::{of_each, pair_property, relative_velocities, velocity_of};
 use crate::cell::{COMPONENTS, Cell, moved_mass};
 use crate::cell_problem::CellRows;
 use crate::collide::Collider;
@@ -92,7 +92,7 @@ const SAME_TIME: f64 = 1e-6;
 /// together would close in two steps by rounding alone.
 pub(crate) const LAST: f64 = 1e-9;
 
-/// Approaches below this fraction of the relative velocity are rounding.
+/// Approaches below this fraction of the largest relative velocity are rounding.
 const ROUNDING: f64 = 1e-12;
 
 /// What the impacts of a step did.
@@ -196,16 +196,12 @@ impl ImpactSolver<'_> {
         let (held, seen) = ((coupled.as_slice(), pressed.as_ref()), (self.collider, self.unseen));
         let mut motion = Motion::of(world, of, held, seen, &found.velocity, step);
         motion.timed = timed;
-        let slow: Vec<f64> = of
-            .contacts
-            .iter()
-            .zip(motion.now.chunks_exact(3))
-            .map(|(c, u)| {
-                let [a, b] = [c.body_a, c.body_b].map(|body| world.acceleration(body as usize));
-                let relative = Vec3::from_slice(u).length();
-                (self.parameters.resting * (a.max(b) * step).max(pushed)).max(ROUNDING * relative)
-            })
-            .collect();
+        let relative = motion.now.chunks_exact(3).map(|u| Vec3::from_slice(u).length());
+        let rounding = ROUNDING * relative.fold(0.0, f64::max);
+        let slow = of_each(of.contacts, |c| {
+            let [a, b] = [c.body_a, c.body_b].map(|body| world.acceleration(body as usize));
+            (self.parameters.resting * (a.max(b) * step).max(pushed)).max(rounding)
+        });
         for pass in 0..=self.parameters.passes {
             let [mut closing, approaching] = self.closing(world, of, (&motion, restitution, &slow), step);
             // What meets more others than that in a step meets the rest of them at once.

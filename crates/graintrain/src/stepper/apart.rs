@@ -5,14 +5,14 @@
 //! the step. Whether they did is looked at afterwards, along the motions that the step is made of: with the
 //! velocities before it, those after the impacts, and those of its end.
 //!
-//! Planes of two balls are then moved so far away that they let pass what passed, and the step is solved
-//! again:
+//! Planes of bodies that keep clear of each other all the same are then moved so far away that they let pass
+//! what passed, and the step is solved again:
 //!
 //! ```text
-//! Phi' = nearest - dt u_n,     nearest = min |x + t u| - r_A - r_B  for 0 <= t <= dt     (x, u: of A relative to B)
+//! Phi' = nearest - dt u_n,     nearest: the least distance of both on their way
 //! ```
 //!
-//! where that is more than Phi. What else is solved then may send the balls onto each other after all: a
+//! where that is more than Phi. What else is solved then may send the bodies onto each other after all: a
 //! plane is back where it was, for good, once they go through each other on their way.
 
 use super::Stepper;
@@ -20,7 +20,7 @@ use super::attempt::Attempt;
 use super::placement::Placement;
 use super::repetition::Rounds;
 use crate::assemble::velocity_of;
-use crate::cell::Cell;
+use crate::cell::{self, Cell};
 use crate::collide::Collider;
 use crate::contact::Contact;
 use crate::math::Vec3;
@@ -36,8 +36,14 @@ const TOGETHER: f64 = 0.05;
 /// fraction of the smaller one's size.
 const THROUGH: f64 = 0.02;
 
-/// How often the plane of two balls is moved out of their way in a step.
+/// Other bodies do where they touch before this fraction of the step: at its end they may.
+const EARLY: f64 = 0.95;
+
+/// How often the plane of a contact is moved out of the way of its bodies in a step.
 const OFTEN: usize = 2;
+
+/// How often the distance of bodies that are no balls is doubled to find how near they come.
+const DOUBLED: i32 = 5;
 
 /// What [`Stepper::apart`] finds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -105,16 +111,17 @@ impl Stepper {
         ];
         pressing.retain(|(i, _)| {
             let contact = &contacts[*i];
-            let near = |motion| self.come_near(world, start, contact, motion, reach(contact));
+            let near =
+                |motion| self.come_near(world, start, contact, motion, (self.settings.step, reach(contact)));
             !together.contains(&contact.identity) && !motions.into_iter().any(near)
         });
         pressing
     }
 
-    /// Those of them that are of two balls, with the gaps, m, that have their planes let pass what passes:
-    /// what was not seen to meet, each so often at most. Where friction is relaxed, planes that press part
-    /// bodies; none is moved nearer.
-    pub(super) fn passing_balls(
+    /// Those of them, with the gaps, m, that have their planes let pass what passes, that were not seen to
+    /// meet, each so often at most. Where friction is relaxed, planes that press part bodies; none is moved
+    /// nearer.
+    pub(super) fn passing(
         &self,
         world: &World,
         start: &Placement,
@@ -126,24 +133,26 @@ impl Stepper {
         if 2 * rounds.round >= self.parameters.repetition.rounds {
             return Vec::new();
         }
-        let is_ball = |body: u32| self.collider.is_ball(world, body as usize);
         let moved = |(i, _): (usize, f64)| {
             let contact = &rounds.contacts[i];
             let times = rounds.passed.get(&contact.identity).map_or(0, |passed| passed.times);
-            let may_move = is_ball(contact.body_a) && is_ball(contact.body_b) && times < OFTEN;
-            if !may_move || rounds.times_met(contact) > 0 {
+            if times >= OFTEN || rounds.times_met(contact) > 0 {
                 return None;
             }
-            let [closed, nearest] = self.pass_of_balls(world, start, attempt, contact);
+            let closed = -self.settings.step * closing(start, attempt, contact);
+            let nearest = match self.nearest_of_balls(world, start, attempt, contact) {
+                Some(nearest) => nearest,
+                None => self.clear_by(world, start, attempt, contact),
+            };
             (closed + nearest > contact.gap).then_some((i, closed + nearest))
         };
         let unmet = self.never_together(world, start, &rounds.contacts, attempt, ahead);
         unmet.into_iter().filter_map(moved).collect()
     }
 
-    /// Contacts (places) whose planes were moved and whose balls go through each other now: what else is
+    /// Contacts (places) whose planes were moved and whose bodies go through each other now: what else is
     /// solved with other planes may send them another way.
-    pub(super) fn meeting_balls(
+    pub(super) fn meeting(
         &self,
         world: &World,
         start: &Placement,
@@ -159,23 +168,31 @@ impl Stepper {
                 rounds.passed.get(&contact.identity).is_some_and(|passed| passed.gap < contact.gap)
                     && !rounds.planes.has(contact.identity);
             is_moved
-                && self.pass_of_balls(world, start, attempt, contact)[1]
-                    < -THROUGH * self.collider.contact_size(world, contact)
+                && match self.nearest_of_balls(world, start, attempt, contact) {
+                    Some(nearest) => nearest < -THROUGH * self.collider.contact_size(world, contact),
+                    None => {
+                        let motion = (&*attempt.velocity, attempt.cell.as_ref());
+                        let early = EARLY * self.settings.step;
+                        self.come_near(world, start, contact, motion, (early, 0.0))
+                    }
+                }
         };
         (0..rounds.contacts.len()).filter(meets).collect()
     }
 
-    /// How far two balls that move with the velocities found close along the normal of their contact, and how
-    /// near they come, m. Of `world` only their radii are asked.
-    fn pass_of_balls(
+    /// How near two balls come that move with the velocities found, m; `None` for other bodies. Of `world`
+    /// only their radii are asked.
+    fn nearest_of_balls(
         &self,
         world: &World,
         start: &Placement,
         attempt: &Attempt,
         contact: &Contact,
-    ) -> [f64; 2] {
-        let step = self.settings.step;
+    ) -> Option<f64> {
         let [a, b] = [contact.body_a, contact.body_b].map(|body| body as usize);
+        if ![a, b].into_iter().all(|body| self.collider.is_ball(world, body)) {
+            return None;
+        }
         let speed = |body: usize| velocity_of(&attempt.velocity, body)[0];
         let mut apart = start.position[a] - start.position[b];
         let mut approach = speed(a) - speed(b);
@@ -184,20 +201,29 @@ impl Stepper {
             approach -= cell.image_velocity(contact.image);
         }
         let radii = [a, b].map(|body| self.collider.body_size(world, body));
-        let nearest = Collider::nearest_of_balls(apart, approach, radii, step);
-        [-step * contact.normal.dot(approach), nearest]
+        Some(Collider::nearest_of_balls(apart, approach, radii, self.settings.step))
     }
 
-    /// Whether the bodies of a contact come nearer than `reach`, m, from where they were at the start of the
-    /// step with these velocities (six numbers per body), and a cell of these rates. Of `world` only the
-    /// forms of the bodies are asked.
+    /// What two bodies that were [never together](Self::never_together) keep clear of each other by with the
+    /// velocities found, to within a factor of two, m.
+    fn clear_by(&self, world: &World, start: &Placement, attempt: &Attempt, contact: &Contact) -> f64 {
+        let motion = (&*attempt.velocity, attempt.cell.as_ref());
+        let reach = |k: i32| TOGETHER * self.collider.contact_size(world, contact) * f64::from(1 << k);
+        let is_clear =
+            |k: &i32| !self.come_near(world, start, contact, motion, (self.settings.step, reach(*k)));
+        reach((1..DOUBLED).take_while(is_clear).last().unwrap_or(0))
+    }
+
+    /// Whether the bodies of a contact come nearer than `reach`, m, within `time`, s, from where they were at
+    /// the start of the step with these velocities (six numbers per body), and a cell of these rates. Of
+    /// `world` only the forms of the bodies are asked.
     fn come_near(
         &self,
         world: &World,
         start: &Placement,
         contact: &Contact,
         (velocity, cell): (&[f64], Option<&Cell>),
-        reach: f64,
+        (time, reach): (f64, f64),
     ) -> bool {
         let pair = [contact.body_a, contact.body_b];
         let mut velocities = pair.map(|body| {
@@ -209,6 +235,20 @@ impl Stepper {
             places[1].0 += cell.shift(contact.image);
             velocities[1][0] += cell.image_velocity(contact.image);
         }
-        self.collider.come_within(world, pair, places, velocities, self.settings.step, reach)
+        self.collider.come_within(world, pair, places, velocities, time, reach)
     }
+}
+
+/// u_n of a contact with the velocities found, of its points at the start of the step, m/s.
+pub(super) fn closing(start: &Placement, attempt: &Attempt, contact: &Contact) -> f64 {
+    let speed = |body: u32, point: Vec3| {
+        let [velocity, spin] = velocity_of(&attempt.velocity, body as usize);
+        velocity + spin.cross(point - start.position[body as usize])
+    };
+    let [(_, on_a), (_, on_b)] = cell::ends(start.cell.as_ref(), contact);
+    let mut relative = speed(contact.body_a, on_a) - speed(contact.body_b, on_b);
+    if contact.image != [0; 3] {
+        relative -= cell::image_velocity(attempt.cell.as_ref(), contact);
+    }
+    contact.normal.dot(relative)
 }

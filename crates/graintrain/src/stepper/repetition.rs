@@ -8,8 +8,9 @@
 //! | bodies overlap at the end that had no contact (`undetected`) | their contacts join |
 //! | a contact ends far deeper than foreseen (`departed`) | it is linearised anew where it ends ([`carried_back`]) |
 //! | a contact exerts force whose bodies would pass without overlap (`unmet.rs`) | it is tried without |
-//! | a contact of two balls exerts force, and they pass each other all the same (`apart.rs`) | its plane is moved out of their way |
+//! | a contact exerts force, and its bodies keep clear of each other all the same (`apart.rs`) | its plane is moved out of their way |
 
+use super::apart::closing;
 use super::attempt::Attempt;
 use super::bend::bends;
 use super::covered::leave_covered_out;
@@ -18,7 +19,6 @@ use super::mobility;
 use super::placement::{Placement, Seen};
 use super::{Made, StepError, StepSettings, Stepper};
 use crate::assemble::{contact_rows, relative_velocities};
-use crate::cell;
 use crate::clock::{Clock, Laps};
 use crate::contact::Contact;
 use crate::math::{Vec3, mix};
@@ -130,7 +130,7 @@ pub(super) struct Rounds {
     pub(super) planes: Planes,
     /// Contacts under way that bodies are driven into all the same, by identity.
     pub(super) driven: HashSet<u64>,
-    /// Contacts of two balls whose planes were moved out of their way, by identity.
+    /// Contacts whose planes were moved out of the way of their bodies, by identity.
     pub(super) passed: HashMap<u64, Passed>,
     /// How often bodies were seen to meet at a contact, by identity; one where they were is not spurious.
     pub(super) met: HashMap<u64, usize>,
@@ -154,7 +154,7 @@ pub(super) struct Rounds {
     pub(super) laps: Laps,
 }
 
-/// A contact of two balls whose plane was moved.
+/// A contact whose plane was moved.
 pub(super) struct Passed {
     /// Its gap before, m.
     pub(super) gap: f64,
@@ -184,8 +184,8 @@ impl Rounds {
         self.added += self.contacts.len() - before;
     }
 
-    /// Moves planes of balls out of their way (places and new gaps), and others back where they were, for
-    /// good.
+    /// Moves planes out of the way of their bodies (places and new gaps), and others back where they were,
+    /// for good.
     fn move_planes(&mut self, passing: &[(usize, f64)], meeting: &[usize]) {
         for &(i, gap) in passing {
             let Contact { identity, gap: own, .. } = &mut self.contacts[i];
@@ -333,12 +333,12 @@ impl Stepper {
         }
         let (mut departed, mut meeting, mut passing) = (Vec::new(), Vec::new(), Vec::new());
         if !is_last {
-            meeting = self.meeting_balls(world, start, rounds, attempt);
+            meeting = self.meeting(world, start, rounds, attempt);
             departed = self.departed(world, start, rounds, attempt, &deep);
             departed.retain(|c| meeting.iter().all(|&i| rounds.contacts[i].identity != c.identity));
         }
         if are_all && !is_joined {
-            passing = self.passing_balls(world, start, rounds, attempt, ahead);
+            passing = self.passing(world, start, rounds, attempt, ahead);
         }
         let is_known_again = is_joined || !departed.is_empty() || !meeting.is_empty() || !passing.is_empty();
         let (mut new, mut ends) = (Vec::new(), Vec::new());
@@ -543,20 +543,10 @@ impl Stepper {
     ) -> HashMap<u64, (f64, Contact)> {
         let (step, planes) = (self.settings.step, &rounds.planes);
         let wanted: HashSet<u64> = ends.iter().map(|c| c.identity).collect();
-        let speed = |body: u32, point: Vec3| {
-            let body = body as usize;
-            let v = &attempt.velocity[6 * body..6 * body + 6];
-            Vec3::from_slice(&v[..3]) + Vec3::from_slice(&v[3..]).cross(point - start.position[body])
-        };
         let mut foreseen: HashMap<u64, (f64, Contact)> = HashMap::new();
         let posed = attempt.posed_with(&rounds.contacts);
         for contact in posed.iter().filter(|c| wanted.contains(&planes.of(c))) {
-            let [(_, on_a), (_, on_b)] = cell::ends(start.cell.as_ref(), contact);
-            let mut closing = speed(contact.body_a, on_a) - speed(contact.body_b, on_b);
-            if contact.image != [0; 3] {
-                closing -= cell::image_velocity(attempt.cell.as_ref(), contact);
-            }
-            let end = contact.gap + step * contact.normal.dot(closing);
+            let end = contact.gap + step * closing(start, attempt, contact);
             let known = foreseen.entry(planes.of(contact)).or_insert((end, *contact));
             if end < known.0 {
                 *known = (end, *contact);

@@ -14,7 +14,7 @@
 //!
 //! What joints turn aside goes on as without contacts instead, along the course that they bend ([`bends`]).
 //!
-//! Contacts of two free balls are left alone here: they have no seams, and those that pass each other have
+//! Contacts of two free balls are left alone here: they have no seams, and what keeps clear of each other has
 //! planes moved (`apart.rs`).
 
 use super::Stepper;

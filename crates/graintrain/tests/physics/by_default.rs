@@ -6,13 +6,8 @@ use graintrain::joint::{Joint, Motor};
 use graintrain::math::{Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
-use graintrain::stepper::{StepSettings, Stepper};
 use graintrain::world::Body;
 use std::f64::consts::PI;
-
-fn default_stepper(step: f64) -> Stepper {
-    Stepper::new(StepSettings { step, envelope: 1e-3, ..StepSettings::default() }).unwrap()
-}
 
 /// A box at 2 m/s on a plane slides v^2 / (2 mu g) and never leaves it. (Relaxed friction lifts it by 16 mm.)
 #[test]

@@ -8,12 +8,7 @@ use graintrain::material::TurningResistance;
 use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::motion::{Motion, Profile};
 use graintrain::shape::Geometry;
-use graintrain::stepper::{StepSettings, Stepper};
 use graintrain::world::Body;
-
-fn default_stepper(step: f64) -> Stepper {
-    Stepper::new(StepSettings { step, envelope: 1e-3, ..StepSettings::default() }).unwrap()
-}
 
 #[test]
 fn a_throw_is_its_parabola() {

@@ -159,6 +159,29 @@ fn a09_row_of_spheres() {
     }
 }
 
+/// A ball that strikes a row of touching ones at the very end of a step, where the contact problem leaves
+/// velocities of the size of rounding in the row: the last one goes on alone.
+#[test]
+fn a_row_of_elastic_balls_passes_the_impulse_on() {
+    for (step, count) in [(1e-3, 2), (1e-3, 6), (2e-3, 6), (5e-3, 4)] {
+        let mut world = world(0.0, 1.0);
+        world.gravity = Vec3::ZERO;
+        for i in 0..count {
+            add_sphere(&mut world, 0.05, Vec3::new(0.1 * f64::from(i), 0.0, 0.0));
+        }
+        let a = add_sphere(&mut world, 0.05, Vec3::new(-0.4, 0.0, 0.0));
+        world.bodies.velocity[a].x = 3.0;
+        let mut stepper = default_stepper(step);
+        for _ in 0..(0.12 / step) as usize {
+            stepper.step(&mut world).unwrap();
+        }
+        for (body, u) in world.bodies.velocity.iter().enumerate() {
+            let expected = if body + 1 == a { 3.0 } else { 0.0 };
+            assert_close(u.x, expected, 1e-9, &format!("{count} balls, {step} s, body {body}"));
+        }
+    }
+}
+
 /// A20: alumina sphere on glass (Chung and Ooi): tangential restitution in the sliding regime.
 #[test]
 fn a20_tangential_restitution_of_alumina() {

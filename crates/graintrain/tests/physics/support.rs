@@ -32,6 +32,11 @@ pub fn add_sphere(world: &mut World, radius: f64, position: Vec3) -> usize {
     world.add_body(Body::new(ball, MaterialId::default(), position)).unwrap().index()
 }
 
+/// As a scene that says nothing but its step.
+pub fn default_stepper(step: f64) -> Stepper {
+    Stepper::new(StepSettings { step, ..StepSettings::default() }).unwrap()
+}
+
 pub fn stepper(step: f64, envelope: f64, tolerance: f64, friction: FrictionModel) -> Stepper {
     Stepper::new(StepSettings {
         step,

@@ -7,13 +7,8 @@ use graintrain::joint::Joint;
 use graintrain::math::{Mat3, Quat, Vec3};
 use graintrain::motion::Motion;
 use graintrain::shape::Geometry;
-use graintrain::stepper::{StepSettings, Stepper};
 use graintrain::world::{Body, MassProperties, World};
 use std::f64::consts::PI;
-
-fn default_stepper(step: f64) -> Stepper {
-    Stepper::new(StepSettings { step, ..StepSettings::default() }).unwrap()
-}
 
 /// A form, how it lies, and the height of its centre when it touches a floor.
 fn forms() -> Vec<(Geometry, Quat, f64)> {
