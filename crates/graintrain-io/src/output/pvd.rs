@@ -5,14 +5,21 @@ use crate::mark::{Loss, Mark, mark_of};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// A `.pvd` file. It is rewritten whole after each frame, so that a run that is killed leaves a valid one.
+/// A `.pvd` file. It is rewritten whole, so that a run that is killed leaves a valid one: after each of the
+/// first frames, then as soon as there are a 32nd more, and by [`Self::write`]. So a run writes some 32 times
+/// the length of its list, not the square of it.
 #[derive(Clone, Debug)]
 pub struct FrameList {
     path: PathBuf,
     entries: Vec<Entry>,
+    /// How many of them the file has; none where that is not known.
+    written: usize,
     /// What an earlier run had written and is not there any more.
     loss: Option<Loss>,
 }
+
+/// By one part in so many a list grows before it is rewritten.
+const LATER: usize = 32;
 
 /// One frame: time in s, and its files relative to the list's folder.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,7 +31,7 @@ struct Entry {
 impl FrameList {
     /// An empty list, not yet written.
     pub fn new(path: PathBuf) -> Self {
-        Self { path, entries: Vec::new(), loss: None }
+        Self { path, entries: Vec::new(), written: 0, loss: None }
     }
 
     /// Goes on with a list that held `mark` at the time `until` (s): frames after it are dropped. One that
@@ -74,14 +81,30 @@ impl FrameList {
         }
     }
 
-    /// Adds a frame and rewrites the file.
+    /// Adds a frame, and rewrites the file if it is time.
     ///
     /// # Errors
     /// Where the file cannot be written.
     pub fn push(&mut self, time: f64, files: &[String]) -> Result<(), OutputError> {
+        let known = self.len();
         self.entries.retain(|entry| entry.time < time);
+        if self.len() < known {
+            self.written = 0;
+        }
         self.entries.push(Entry { time, files: files.to_vec() });
-        write_atomically(&self.path, self.text().as_bytes())
+        if self.len() > self.written + self.written / LATER { self.write() } else { Ok(()) }
+    }
+
+    /// Rewrites the file, unless it has all frames.
+    ///
+    /// # Errors
+    /// Where the file cannot be written.
+    pub fn write(&mut self) -> Result<(), OutputError> {
+        if self.len() != self.written {
+            write_atomically(&self.path, self.text().as_bytes())?;
+            self.written = self.len();
+        }
+        Ok(())
     }
 
     /// The file's text.
@@ -141,6 +164,27 @@ mod tests {
         assert_eq!(again.entries, list.entries[..3]);
         again.push(0.1 * 3.0, &["frames/a_3.vtp".to_string(), "frames/b_3.vtp".to_string()]).unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), whole);
+    }
+
+    #[test]
+    fn long_lists_are_written_seldom_and_in_the_end_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("bodies.pvd");
+        let mut list = FrameList::new(path.clone());
+        let (mut bytes, mut before) = (0, String::new());
+        for k in 0..2000 {
+            list.push(f64::from(k), &[format!("frames/a_{k}.vtp")]).unwrap();
+            let text = std::fs::read_to_string(&path).unwrap();
+            assert!(roxmltree::Document::parse(&text).is_ok());
+            assert!(33 * text.lines().count() >= 32 * list.len(), "after frame {k}");
+            if text != before {
+                (bytes, before) = (bytes + text.len(), text);
+            }
+        }
+        list.write().unwrap();
+        let whole = std::fs::read_to_string(&path).unwrap();
+        assert_eq!(mark_of(&whole), list.mark().unwrap());
+        assert!(bytes < 40 * whole.len(), "{bytes}");
     }
 
     #[test]

@@ -139,6 +139,9 @@ impl Recorder {
             self.frame(world, &totals.open_boundaries.numbers)?;
         }
         self.tables.sync()?;
+        for list in [&mut self.all, &mut self.bodies, &mut self.surfaces, &mut self.contacts] {
+            list.write()?;
+        }
         let mut marks = self.tables.marks();
         let lists = self.lists();
         marks.extend(lists.iter().filter_map(|(name, list)| Some((name.to_string(), list.mark()?))));

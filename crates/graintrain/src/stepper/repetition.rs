@@ -343,8 +343,7 @@ impl Stepper {
         let is_known_again = is_joined || !departed.is_empty() || !meeting.is_empty() || !passing.is_empty();
         let (mut new, mut ends) = (Vec::new(), Vec::new());
         if !(undetected.is_empty() || is_last) || is_known_again {
-            let carry = |c: &Contact| carried_back(c, world, start, attempt, self.settings.step);
-            ends.extend(undetected.iter().map(carry));
+            ends.extend(undetected.iter().map(|c| self.begun_apart(world, start, attempt, c)));
             let end = start.exchange(world);
             new = self.new_contacts(world, &rounds.contacts, &ends, &attempt.velocity);
             if new.is_empty() && !is_known_again {
@@ -580,22 +579,40 @@ impl Stepper {
             let (gap, contact) = foreseen.get(&end.identity)?;
             let error = gap - end.gap;
             (error > departed * size(end)).then(|| {
-                let thickness =
-                    [end.body_a, end.body_b].map(|body| 2.0 * self.collider.body_size(world, body as usize));
-                let thickness: f64 = thickness.into_iter().sum();
                 let normal = if end.body_a == contact.body_a { contact.normal } else { -contact.normal };
                 if end.normal.dot(normal) > 0.0 {
-                    carried_back(end, world, start, attempt, step)
-                } else if thickness.is_finite() {
-                    // They have passed each other by more than half: the way back is the rest of both.
-                    let back = Contact { normal: -end.normal, gap: -thickness - end.gap, ..*end };
-                    carried_back(&back, world, start, attempt, step)
-                } else {
-                    Contact { gap: contact.gap - error, identity: end.identity, ..*contact }
+                    return carried_back(end, world, start, attempt, step);
                 }
+                let near_side =
+                    self.near_side(world, end).map(|c| carried_back(&c, world, start, attempt, step));
+                near_side.unwrap_or(Contact { gap: contact.gap - error, identity: end.identity, ..*contact })
             })
         };
         deep.into_iter().filter_map(mended).collect()
+    }
+
+    /// A contact of the end of two bodies that have passed each other by more than half, as that of the sides
+    /// that met: the way back is the rest of both. `None` of what has no thickness.
+    fn near_side(&self, world: &World, end: &Contact) -> Option<Contact> {
+        let thickness = self.thickness(world, end);
+        let normal = -end.normal;
+        thickness.is_finite().then(|| Contact { normal, gap: -thickness - end.gap, ..*end })
+    }
+
+    /// What the two bodies of a contact measure through together, m.
+    fn thickness(&self, world: &World, contact: &Contact) -> f64 {
+        let size = |body: u32| 2.0 * self.collider.body_size(world, body as usize);
+        size(contact.body_a) + size(contact.body_b)
+    }
+
+    /// A contact of the end that the step had not, carried back. Had its bodies overlapped at the start by
+    /// more than they are thick, they have passed each other since: then it is that of their near sides.
+    fn begun_apart(&self, world: &World, start: &Placement, attempt: &Attempt, end: &Contact) -> Contact {
+        let carry = |c: &Contact| carried_back(c, world, start, attempt, self.settings.step);
+        let begin = carry(end);
+        let has_passed = begin.gap < -self.thickness(world, end);
+        let near_side = has_passed.then(|| self.near_side(world, end)).flatten();
+        near_side.map_or(begin, |near_side| carry(&near_side))
     }
 
     /// Contacts at the start of the step of pairs that would overlap at its end (`undetected`, with `ends`

@@ -346,6 +346,38 @@ fn relaxed_planes_of_passing_balls_are_not_moved_nearer() {
     assert!((0.1 * radius + step * u.z - step * mu * slip).abs() < 1e-3 * radius, "{u} {slip}");
 }
 
+/// A rod that meets a thin hull with one end is turned by more than a right angle in a step; where its
+/// middle has then passed the hull, it is put back to the side from which it came.
+#[test]
+fn a_fast_rod_does_not_turn_through_a_thin_hull() {
+    let signs = [-1.0, 1.0];
+    let corners = signs.map(|x| signs.map(|y| signs.map(|z| Vec3::new(0.1 * x, 0.1 * y, 5e-4 * z))));
+    let corners: Vec<Vec3> = corners.into_iter().flatten().flatten().collect();
+    for step in [5e-4, 1e-3, 2e-3, 5e-3] {
+        let mut world = world(0.25, 0.0);
+        world.gravity = Vec3::ZERO;
+        let hull = world.add_geometry(Geometry::hull(&corners).unwrap().0);
+        let motion = world.add_motion(Motion::fixed()).unwrap();
+        let hull = Body::new(hull, MaterialId::default(), Vec3::ZERO);
+        world.add_body(Body { motion, ..hull }).unwrap();
+        let rod = world.add_geometry(Geometry::capsule(0.025, 0.002).unwrap());
+        let axis = Vec3::new(1.0, 2.0, 3.0).normalize();
+        let place = Vec3::new(0.0003, 0.0007, 0.1160888017924495);
+        let rod = Body {
+            orientation: rotation_exponential(50_f64.to_radians() * axis),
+            ..Body::new(rod, MaterialId::default(), place)
+        };
+        let rod = world.add_body(rod).unwrap().index();
+        world.bodies.velocity[rod] = -50.0 * Vec3::Z;
+        let mut stepper = default_stepper(step);
+        for _ in 0..(0.01 / step) as usize {
+            let report = solved_step(&mut stepper, &mut world);
+            assert!(report.penetration_max < 2e-5, "{step} s: {report:?}");
+        }
+        assert!(world.bodies.position[rod].z > 0.0, "{step} s: {}", world.bodies.position[rod]);
+    }
+}
+
 /// Thin and small bodies of every shape that arrive at 200 m/s (twenty of their sizes a step) on a plate of 1
 /// mm stop there, whichever end meets it first.
 #[test]
